@@ -14,7 +14,7 @@ STUB = Path(__file__).resolve().parents[1] / "python" / "pliant" / "scenario_cal
 HEAD = '''# Made by scripts/python_stubs.py from the table of options.
 from collections.abc import Mapping, Sequence
 from os import PathLike
-from typing import Any, Literal
+from typing import Any, Literal, overload
 
 from .ensemble_run import Ensemble
 from .run import Run
@@ -34,14 +34,24 @@ TYPES = {"real": "float", "integer": "int", "yes|no": "bool", "text": "_Text"}
 def stub():
     text = HEAD
     for name, _, _, table in core.scenarios():
-        text += f"def {name}(*,\n"
-        for entry in table:
-            kind = f"Literal[{', '.join(map(repr, entry['choices']))}]" if entry["choices"] else TYPES[entry["type"]]
-            default = None if entry["default"] == "" else entry["default"]
-            text += f"    {entry['name']}: {kind} | None = {default!r},\n"
-        text += ("    options_file: _Text | None = None,\n    progress: bool | None = None,\n    quiet: bool = False,\n"
-                 "    **petsc: str | float | bool | None) -> Run: ...\n")
+        if any(entry["name"] == "ensemble" for entry in table):
+            # The first that fits counts.
+            text += "@overload\n" + signature(name, table, "Run", "Literal[0] | None = 0")
+            text += "@overload\n" + signature(name, table, "Ensemble", "int")
+        else:
+            text += signature(name, table, "Run")
     return text
+
+
+def signature(name, table, result, ensemble=None):
+    """A scenario that returns `result`; ensemble: type and default of the option `ensemble`."""
+    text = f"def {name}(*,\n"
+    for entry in table:
+        kind = f"Literal[{', '.join(map(repr, entry['choices']))}]" if entry["choices"] else TYPES[entry["type"]]
+        default = None if entry["default"] == "" else entry["default"]
+        text += f"    {entry['name']}: {ensemble if entry['name'] == 'ensemble' else f'{kind} | None = {default!r}'},\n"
+    return text + ("    options_file: _Text | None = None,\n    progress: bool | None = None,\n    quiet: bool = False,\n"
+                   f"    **petsc: str | float | bool | None) -> {result}: ...\n")
 
 
 def main():

@@ -344,10 +344,12 @@ def model_name(run):
 
 
 def time_label(run, frame, digits=None):
-    """'$t = 12.5 t0$'; `digits` after the point, for a row of frames."""
+    """'$t = 12.5 t0$'; `digits` after the point, for a row of frames. Packings by their number, a flow by its strain."""
     digits = digits if digits is not None else max(0, 3 - len(f"{abs(frame.time):.0f}"))
-    if run.scenario in ("pack", "shear"):
+    if run.counts_packings:
         return f"packing {frame.time:.0f}"
+    if run.scenario == "shear":
+        return f"strain {frame.attribute('strain'):.4g}"
     return rf"$t = {frame.time:.{digits}f}\ {time_unit(run)}$"
 
 

@@ -18,8 +18,8 @@ from .run_file import RunFile
 _FRAME_DATASETS = ("positions", "centres", "active")
 
 #: Optional data of frames: the names that -frame_fields takes.
-FRAME_FIELDS = ("velocities", "angles", "spins", "area", "perimeter", "volume", "surface_area", "reinsertions", "contact_count", "contacts",
-                "wall_contacts", "wall_force")
+FRAME_FIELDS = ("velocities", "angles", "spins", "area", "perimeter", "volume", "surface_area", "reinsertions",
+                "contact_count", "particle_stress", "modes", "contacts", "wall_contacts", "wall_force")
 
 
 def _plain(value):
@@ -144,10 +144,37 @@ def contact_table(first, second, wall, position, normal, overlap, force):
     return pd.DataFrame(columns | {"force": np.linalg.norm(force, axis=1)})
 
 
-def nearest_image(difference, period):
-    """The shortest of the periodic images of vectors [..., D]; `period` [D] is infinite in open directions."""
+def lattice(period, tilt=None):
+    """[D, D] edges of a periodic box, one per row: (Lx, 0), (xy, Ly), in 3D (xz, yz, Lz) last; zero in open directions."""
+    period = np.asarray(period, dtype=float)
+    edges = np.diag(np.where(np.isfinite(period), period, 0.0))
+    if tilt is not None:
+        edges[np.tril_indices(len(edges), -1)] = tilt  # xy; in 3D xz and yz in the row of the third edge
+    return edges
+
+
+def nearest_image(difference, period, tilt=None):
+    """The shortest of the periodic images of vectors [..., D]; `period` [D] is infinite in open directions. tilt
+    [D(D - 1)/2]: of a tilted box, which is periodic in all directions."""
     difference = np.asarray(difference, dtype=float)
-    return difference - np.where(np.isfinite(period), period, 0.0) * np.round(difference / period)
+    if tilt is None or not np.any(tilt):
+        return difference - np.where(np.isfinite(period), period, 0.0) * np.round(difference / period)
+    edges = lattice(period, tilt)
+    dim = len(edges)
+    # An image in the upright cell is at most `farthest` long; the shortest one is no farther along any axis.
+    farthest = np.linalg.norm(period) / 2
+
+    def along(vector, axis):
+        """The shortest image of vectors that are in the cell along all axes after this one."""
+        if axis == 0:
+            return vector - np.round(vector[..., :1] / period[0]) * edges[0]
+        vector = vector - np.round(vector[..., axis:axis + 1] / period[axis]) * edges[axis]
+        most = int(farthest / period[axis] + 0.5)
+        images = np.stack([along(vector + n * edges[axis], axis - 1) for n in range(-most, most + 1)])
+        best = np.argmin((images**2).sum(-1), axis=0)
+        return np.take_along_axis(images, best[None, ..., None], 0)[0]
+
+    return along(difference, dim - 1)
 
 
 @dataclass(frozen=True)
@@ -263,9 +290,16 @@ class Frame:
         """[N, D] centres without the wrapping of a periodic box: for displacements."""
         if self.box is None:
             return self.centres
-        edges = np.diag(np.where(np.isfinite(self.box[1]), self.box[1], 0.0))
-        edges[np.tril_indices(len(edges), -1)] = self.tilt  # xy; in 3D xz and yz in the row of the third edge
-        return self.centres + self.images @ edges
+        return self.centres + self.images @ lattice(self.box[1], self.tilt)
+
+    @property
+    def followed_lattice(self):
+        """[D, D] edges of the periodic box, one per row, which have followed its shear since the start of the run. They span the
+        same lattice as `box` and `tilt`, whose second edge is shortened when it has become long."""
+        edges = lattice(self.box[1], self.tilt)
+        if "edge_shortened_by" in self._group.attrs:
+            edges[1] += _plain(self._group.attrs["edge_shortened_by"]) * edges[0]
+        return edges
 
     @_read_once
     def reinsertions(self):
@@ -309,6 +343,19 @@ class Frame:
         vertices."""
         pairs = touching_pairs(self.contacts[["particle_1", "particle_2"]].to_numpy())
         return np.bincount(pairs.ravel(), minlength=self._run.topology.particles)
+
+    @_read_once
+    def modes(self):
+        """[P, K, D] displacements of the points in the lowest vibrational modes of a packing, up to 20; zero for rattlers. The
+        largest displacement of a mode is 1."""
+        values = self._read("modes", "packings with -modes")
+        return values.reshape(len(values), -1, self._run.dim)
+
+    @_read_once
+    def particle_stress(self):
+        """[N, D(D + 1)/2] share of each particle of the stress, kinetic part included: xx, xy, yy (3D: xx, xy, xz, yy, yz, zz);
+        tension is positive. The sum over all particles is the stress in the series."""
+        return self._read("particle_stress", "packings in periodic boxes")
 
     @_read_once
     def area(self):
@@ -525,6 +572,11 @@ class Run:
         """Option name → value; units are in `manifest["options"]`."""
         return {name: entry["value"] if isinstance(entry, dict) else entry
                 for name, entry in self.manifest["options"].items()}
+
+    @property
+    def counts_packings(self):
+        """Whether the time of the run is the number of its packings, as of pack and of quasistatic shear."""
+        return self.scenario == "pack" or (self.scenario == "shear" and self.options.get("shear_rate") is None)
 
     @property
     def scenario(self):

@@ -6,7 +6,7 @@ from .errors import RunError
 DRAWN_BY = {"hopper": "snapshot.py, movie.py, forces.py, series.py, profile.py and discharge.py",
             "raft": "raft.py, raft_snapshot.py, snapshot.py and movie.py",
             "clog": "clog_snapshot.py, raft_snapshot.py, snapshot.py and movie.py",
-            "pack": "snapshot.py, movie.py and series.py", "shear": "snapshot.py, movie.py and series.py",
+            "pack": "packing.py, density_of_states.py, snapshot.py and movie.py", "shear": "packing.py, snapshot.py and movie.py",
             "channel": "the channel_ scripts, snapshot.py and movie.py"}
 
 

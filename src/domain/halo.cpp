@@ -156,9 +156,16 @@ void Halo<D>::set_home(const Topology& topology, const Real* x) {
 }
 
 template <int D>
-void Halo<D>::set_box(const Box<D>& box) {
+Real Halo<D>::set_box(const Box<D>& box) {
   box_ = box;
-  for (Shifted& s : shifted_) s.by = box_.shift(s.image);
+  Real farthest = 0;
+  for (Shifted& s : shifted_) {
+    const Vec<D> by = box_.shift(s.image);
+    farthest = std::max(farthest, (by - s.by).norm());
+    s.by = by;
+    s.velocity = box_.shift_velocity(s.image);
+  }
+  return farthest;
 }
 
 template <int D>
@@ -241,7 +248,8 @@ void Halo<D>::build(Topology& topology, const Real* x, Real margin) {
         for (Index i = 0; i < g.points; ++i) roots.push_back({r, g.first_point + i});
       else
         copies_.push_back({static_cast<std::size_t>(g.first_point), first, count});
-      if (g.image != Image{}) shifted_.push_back({first, first + count, g.image, box_.shift(g.image)});
+      if (g.image != Image{})
+        shifted_.push_back({first, first + count, g.image, box_.shift(g.image), box_.shift_velocity(g.image)});
     }
   all_ = static_cast<std::size_t>(topology.points());
   if (!ranks_.several()) return;
@@ -267,6 +275,12 @@ void Halo<D>::update_positions(const Real* x, std::vector<Real>& local) const {
 }
 
 template <int D>
+void Halo<D>::update_velocities(const Real* v, std::vector<Real>& local) const {
+  update(v, local);
+  shift_velocities(local);
+}
+
+template <int D>
 void Halo<D>::update_rotations(const Real* own, std::vector<Real>& local) const {
   local.assign(own, own + own_ * rotations<D>);
   begin(local, rotations<D>);
@@ -280,6 +294,7 @@ void Halo<D>::update(std::vector<Real>& x, std::vector<Real>& v) const {
   end(x);
   end(v);
   shift_images(x);
+  shift_velocities(v);
 }
 
 template <int D>
@@ -305,6 +320,13 @@ template <int D>
 void Halo<D>::shift_images(std::vector<Real>& x) const {
   for (const Shifted& s : shifted_)
     for (std::size_t i = s.first; i < s.last; ++i) point<D>(x.data(), static_cast<Index>(i)) += s.by;
+}
+
+template <int D>
+void Halo<D>::shift_velocities(std::vector<Real>& v) const {
+  if (!box_.flow().flows()) return;
+  for (const Shifted& s : shifted_)
+    for (std::size_t i = s.first; i < s.last; ++i) point<D>(v.data(), static_cast<Index>(i)) += s.velocity;
 }
 
 template class Halo<2>;

@@ -24,8 +24,9 @@ class Halo {
   Halo(Halo&&) noexcept;
   Halo& operator=(Halo&&) noexcept;
 
-  /// Another periodic box. Images that are ghosts already move with its edges; the home must be set again.
-  void set_box(const Box<D>& box);
+  /// Another periodic box. Images that are ghosts already move with its edges; where lengths change, the home must be
+  /// set again. Returns the largest distance by which an image moves. Not collective.
+  Real set_box(const Box<D>& box);
 
   /// Takes the box around the rank's particles, and a diameter more, as its home; on one rank the home is the periodic
   /// box, for any x. x [owned points · D].
@@ -40,6 +41,8 @@ class Halo {
   void update(const Real* own, std::vector<Real>& local) const;
   /// As `update`, for positions: the positions of images are shifted.
   void update_positions(const Real* x, std::vector<Real>& local) const;
+  /// As `update`, for velocities: in a box that flows, images have other velocities.
+  void update_velocities(const Real* v, std::vector<Real>& local) const;
   /// As `update`, for angles or spins: own [owned points · rotations].
   void update_rotations(const Real* own, std::vector<Real>& local) const;
   /// Positions and velocities at the same time, where x and v begin with the own points already.
@@ -57,12 +60,13 @@ class Halo {
   struct Shifted {
     std::size_t first, last;
     Image image;
-    Vec<D> by;
+    Vec<D> by, velocity;
   };
 
   void begin(std::vector<Real>& local, int width = D) const;
   void end(std::vector<Real>& local, int width = D) const;
   void shift_images(std::vector<Real>& x) const;
+  void shift_velocities(std::vector<Real>& v) const;
 
   Ranks ranks_;
   Box<D> box_;

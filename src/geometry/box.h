@@ -20,6 +20,18 @@ inline constexpr int tilts = D*(D - 1) / 2;
 template <int D>
 using Tilt = std::array<Real, tilts<D>>;
 
+/// Flow along x that grows with y, v = rate (y − y0) x̂: simple shear at a finite rate.
+template <int D>
+struct ShearFlow {
+  Real rate = 0, y0 = 0;  ///< in 1/t0 and σ_avg
+  bool flows() const { return rate != 0; }
+  Vec<D> at(const Vec<D>& r) const {
+    Vec<D> v = Vec<D>::Zero();
+    v[0] = rate * (r[1] - y0);
+    return v;
+  }
+};
+
 /// A lattice of images: r and r + shift(n) are the same place, where shift(n) = Σ_k n_k edge(k). Edges are (Lx, 0, 0),
 /// (xy, Ly, 0) and (xz, yz, Lz), as in LAMMPS. A direction whose length is infinite is open. Positions may lie
 /// anywhere. The cell of the lattice into which wrap() moves places is the upright one, origin[k] ≤ r[k] < origin[k] +
@@ -75,6 +87,16 @@ class Box {
       if (n[k] != 0 && periodic(k)) by += static_cast<Real>(n[k]) * edge(k);
     return by;
   }
+  /// Velocity of image n relative to its place: in a box that flows, edges move relative to each other (Lees and
+  /// Edwards).
+  Vec<D> shift_velocity(const Image& n) const {
+    Vec<D> v = Vec<D>::Zero();
+    if (flow_.flows()) v[0] = flow_.rate * shift(n)[1];
+    return v;
+  }
+  /// The flow that all images of a place follow.
+  const ShearFlow<D>& flow() const { return flow_; }
+
   /// The image of the cell that contains r: r − shift(image_of(r)) is in the cell, up to rounding. Not defined for
   /// coordinates that are not finite.
   Image image_of(const Vec<D>& r) const {
@@ -106,6 +128,17 @@ class Box {
     return box;
   }
 
+  /// The box after simple shear by `strain`, in a flow of this rate, in which edge 1 is shortened by a number of edges
+  /// 0: the same lattice with a smaller tilt. Errors: InputError for a box that is open in a direction.
+  Box sheared(Real strain, Real rate, std::int64_t shortened_by) const {
+    Mat<D> f = Mat<D>::Identity();
+    f(0, 1) = strain;
+    Box box = deformed(f);
+    box.tilt_[0] -= static_cast<Real>(shortened_by) * length_[0];
+    box.flow_ = {rate, origin_[1]};
+    return box;
+  }
+
  private:
   /// Place of the tilt of edge k along direction l < k.
   static constexpr int place(int l, int k) { return k * (k - 1) / 2 + l; }
@@ -127,6 +160,7 @@ class Box {
 
   Vec<D> origin_ = Vec<D>::Zero(), length_ = Vec<D>::Constant(infinite);
   Tilt<D> tilt_{};  ///< xy, xz, yz
+  ShearFlow<D> flow_;
   bool open_ = true;
 };
 

@@ -40,6 +40,10 @@ constexpr DatasetEntry dataset_entries[] = {
     {"frames/*/surface_area", "{L}^2", "area of each closed surface"},
     {"frames/*/reinsertions", "", "reinsertions of each particle since the start"},
     {"frames/*/contact_count", "", "contacts of each particle with others"},
+    {"frames/*/particle_stress", "{E}/{L}^{D}",
+     "share of each particle of the stress, upper triangle row by row; the sum over particles is series/stress"},
+    {"frames/*/modes", "",
+     "displacements of up to 20 lowest modes, of each point: x y (z) of the first mode, of the second, ..."},
     {"frames/*/wall_force", "{F}", "force of the particles on each wall"},
     {"frames/*/wall_segments", "{L}", "x1 y1 x2 y2 of each wall at the time of the frame"},
     {"frames/*/contacts/particles", "", "the two particles of each contact"},
@@ -92,9 +96,9 @@ constexpr DatasetEntry dataset_entries[] = {
     {"series/profile_weight", "", "axis profile: sum of phi at each height"},
     {"series/push", "", "number of the push"},
     {"series/plunger_travel", "{L}", "travel of the plunger in its push"},
-    {"series/momentum", "{M} {L}/{T}", "momentum of the particles"},
+    {"series/momentum", "{M} {L}/{T}", "momentum of the particles, in a sheared box relative to the flow"},
     {"series/angular_momentum", "{M} {L}^2/{T}", "angular momentum about the origin"},
-    {"series/work", "{E}", "work of moving walls since the start"},
+    {"series/work", "{E}", "work of moving walls, or of shear, since the start"},
     {"series/plunger_work", "{E}", "work of plungers and sliding walls since the start"},
     {"series/heat", "{E}", "energy turned into heat since the start"},
     {"series/dissipated", "{E}", "energy lost to drag since the start"},
@@ -106,6 +110,8 @@ constexpr DatasetEntry dataset_entries[] = {
     {"series/volume", "{L}^{D}", "area (3D: volume) of the box"},
     {"series/pressure", "{E}/{L}^{D}", "negative trace of the stress, divided by d"},
     {"series/stress", "{E}/{L}^{D}", "upper triangle of the stress, row by row; positive: tension"},
+    {"series/kinetic_stress", "{E}/{L}^{D}",
+     "part of the stress: momentum that moves with the points, relative to the flow"},
     {"series/strain", "", "shear strain"},
     {"series/shear_stress", "{E}/{L}^{D}", "component xy of the stress"},
     {"series/max_force", "{F}", "largest component of a force on a point"},
@@ -121,7 +127,7 @@ constexpr DatasetEntry dataset_entries[] = {
     {"series/stiffness", "{E}/{L}^{D}", "stiffness matrix: xx, yy, xy; 3D: xx, yy, zz, yz, xz, xy"},
     {"series/frequencies", "(eps/rho)^(1/2) sigma_avg^(-1-d/2)", "frequencies of the lowest modes; negative: unstable"},
     {"series/participation", "", "participation ratios of the lowest modes"},
-    {"series/energy", "{E}", "total energy"},
+    {"series/energy", "{E}", "total energy, in a sheared box relative to the flow"},
     {"series/*_energy", "{E}", "part of the energy"},
     {"series/*_sliding", "{E}", "heat of sliding friction of this term since the start"},
     {"series/*_damping", "{E}", "heat of damping of this term since the start"},
@@ -133,8 +139,11 @@ struct UnitNames {
 
 UnitNames unit_names(const Manifest& manifest) {
   if (manifest.scenario == "channel") return {"cm", "s", "dyn", "g", "erg"};
-  if (manifest.scenario == "pack" || manifest.scenario == "shear")
-    return {"sigma_avg", "packings", "eps/sigma_avg", "rho sigma_avg^" + std::to_string(manifest.dim), "eps"};
+  if (manifest.scenario == "pack" || manifest.scenario == "shear") {
+    const bool flows = manifest.options.contains("shear_rate") && !manifest.options["shear_rate"]["value"].is_null();
+    return {"sigma_avg", flows ? "t0" : "packings", "eps/sigma_avg", fmt::format("rho sigma_avg^{}", manifest.dim),
+            "eps"};
+  }
   if (manifest.model == "bubble") return {"R", "t0", "F", "mass of a droplet of radius R", "F R"};
   return {"sigma_avg", "t0", fmt::format("rho g sigma_avg^{}", manifest.dim),
           fmt::format("rho sigma_avg^{}", manifest.dim), fmt::format("rho g sigma_avg^{}", manifest.dim + 1)};

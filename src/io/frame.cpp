@@ -129,6 +129,9 @@ FrameLayout::FrameLayout(const Frame& frame, int dimensions, const Ranks& ranks,
   }
   if (ranks.any(!frame.reinsertions.empty())) add("reinsertions", particle, 1, frame.reinsertions);
   add("contact_count", particle, 1, frame.contact_count);
+  if (ranks.any(!frame.particle_stress.empty()))
+    add("particle_stress", particle, dim * (dim + 1) / 2, frame.particle_stress);
+  if (frame.mode_width > 0) add("modes", point, frame.mode_width, frame.modes);
   const auto add_contacts = [&](const std::string& group, const FrameContacts& contacts, auto&& add_partners) {
     if (!format.has(group)) return;
     const Rows rows(contacts.count, ranks);

@@ -40,9 +40,9 @@ struct FrameContacts {
 
 /// Groups of datasets that a frame can leave out, by the name of the dataset or group. Positions, centres, `active`,
 /// `images` and moving walls are in every frame.
-inline constexpr std::array<std::string_view, 12> frame_field_names{
-    "velocities",   "angles",       "spins",         "area",     "perimeter",     "volume",
-    "surface_area", "reinsertions", "contact_count", "contacts", "wall_contacts", "wall_force"};
+inline constexpr std::array<std::string_view, 14> frame_field_names{
+    "velocities",   "angles",        "spins",           "area",  "perimeter", "volume",        "surface_area",
+    "reinsertions", "contact_count", "particle_stress", "modes", "contacts",  "wall_contacts", "wall_force"};
 
 /// The fields of a frame in the file, and the storage format of its real numbers.
 struct FrameFormat {
@@ -74,9 +74,12 @@ struct Frame {
   std::span<const Index> reinsertions = {};  ///< [N] how often each was reinserted, or empty; on every rank or none
   std::span<const Real> area, perimeter;     ///< [N] of polygons, or empty
   std::span<const Real> volume = {}, surface_area = {};  ///< [N] of closed surfaces, or empty
-  std::span<const Real> wall_force;                      ///< [S, D]
-  std::span<const Real> angles = {}, spins = {};         ///< [N, 1 or 3] where particles rotate, or empty
-  std::span<const Real> wall_segments = {};  ///< [S, 4] where the walls are now, or empty: as in the geometry
+  std::span<const Real> particle_stress = {};  ///< [N, D (D + 1)/2] upper triangles, or empty; on every rank or none
+  std::span<const Real> modes = {};            ///< [P, K · D] displacements of K modes, one after the other, or empty
+  std::size_t mode_width = 0;                  ///< K · D, the same on every rank; 0: no modes
+  std::span<const Real> wall_force;            ///< [S, D]
+  std::span<const Real> angles = {}, spins = {};  ///< [N, 1 or 3] where particles rotate, or empty
+  std::span<const Real> wall_segments = {};       ///< [S, 4] where the walls are now, or empty: as in the geometry
   std::span<const Real> box = {};  ///< [3, D] origin, lengths and tilt factors of a periodic box, or empty: open
   FrameContacts contacts, wall_contacts;
   std::map<std::string, Real> attributes = {};  ///< attributes of the scenario, in addition to time and step; from the

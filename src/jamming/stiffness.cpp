@@ -71,22 +71,6 @@ struct BlockValues final : BlockSink<D> {
   }
 };
 
-/// Hands on the blocks of pairs of points without the part that is proportional to their force: k n nᵀ of the blocks
-/// k n nᵀ + (force) (1 − n nᵀ).
-template <int D>
-struct RestLengths final : BlockSink<D> {
-  BlockSink<D>& to;
-  const Real* x;
-  RestLengths(BlockSink<D>& sink, const Real* positions) : to(sink), x(positions) {}
-  void add(Index i, Index j, const Mat<D>& block) override {
-    if (i == j) return;  // each block on the diagonal is the opposite of another block in its row
-    const Vec<D> n = (point<D>(x, i) - point<D>(x, j)).normalized();
-    const Mat<D> along = n.dot(block * n) * n * n.transpose();
-    to.add(i, j, along);
-    to.add(i, i, -along);
-  }
-};
-
 }  // namespace
 
 template <int D>
@@ -100,17 +84,11 @@ Stiffness<D>::Stiffness(ParticleSystem<D>& system, std::span<const Real> x, PreS
         "positions");
   const StateView<D> s = system.view(x.data(), nullptr);
   const Topology& topology = s.topology;
-  if (pre_stress == PreStress::dropped && (topology.deformable() || system.walls().size() > 0))
-    throw InputError("the pre-stress of polygons and of contacts with walls cannot be dropped; keep it");
   own_points_ = static_cast<std::size_t>(topology.owned_points());
   for (Index i = 0; i < topology.owned_points(); ++i)
     if (topology.active[topology.particle[i]] != 0) points_.push_back(i);
 
-  const auto visit = [&](BlockSink<D>& sink) {
-    if (pre_stress == PreStress::kept) return system.field().hessian(s, sink);
-    RestLengths<D> springs(sink, s.x);
-    system.field().hessian(s, springs);
-  };
+  const auto visit = [&](BlockSink<D>& sink) { system.field().hessian(s, sink, pre_stress); };
   const std::vector<Index> rows = rows_of_points<D>(system, points_);
   BlockPlaces<D> found(rows);
   for (const Index i : points_) found.add(i, i, Mat<D>::Zero());

@@ -10,10 +10,6 @@
 
 namespace pliant {
 
-/// All second derivatives, or, for soft particles, without the part that is proportional to the contact forces (the
-/// pre-stress): each contact is a spring at its rest length then.
-enum class PreStress { kept, dropped };
-
 /// Derivatives of the energy U(x, e) where all particles and the box are strained, r → (1 + e) r, and the coordinates x
 /// move them in addition. Strain e_ab is number a D + b.
 template <int D>
@@ -32,8 +28,9 @@ class Stiffness {
  public:
   using Csr = Eigen::SparseMatrix<Real, Eigen::RowMajor, PetscInt>;
 
-  /// At x [size of the system]. Errors: InputError on several ranks, for terms without second derivatives, and for
-  /// polygons and walls without pre-stress; MemoryError.
+  /// At x [size of the system], with or without pre-stress: without it each contact, edge, angle and area is at rest.
+  /// Errors: InputError on several ranks, for terms without second derivatives, and for walls without pre-stress;
+  /// MemoryError.
   Stiffness(ParticleSystem<D>& system, std::span<const Real> x, PreStress pre_stress = PreStress::kept);
 
   /// Number of rows: D for each point of an active particle.

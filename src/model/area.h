@@ -50,8 +50,9 @@ struct Area {
       grad.add(i, Vec<2>(pressure * area_gradient(s.x, s.topology, i)));
   }
 
-  void add_hessian(const StateView<2>& s, Index m, BlockSink<2>& h) const {
-    const Real pressure = stiffness(s.topology, m) * (polygon_area(s.x, s.topology, m) - s.topology.a0[m]);
+  void add_hessian(const StateView<2>& s, Index m, BlockSink<2>& h, PreStress pre_stress = PreStress::kept) const {
+    const Real pressure =
+        slope_factor(pre_stress) * stiffness(s.topology, m) * (polygon_area(s.x, s.topology, m) - s.topology.a0[m]);
     const Index first = s.topology.offset[m], last = s.topology.offset[m + 1];
     for (Index i = first; i < last; ++i) {
       const Vec<2> gi = area_gradient(s.x, s.topology, i);

@@ -64,12 +64,19 @@ struct Bending {
     grad.add(k.last, gw);
   }
 
-  void add_hessian(const StateView<2>& s, Index i, BlockSink<2>& h) const {
+  /// Without pre-stress: of unit vectors as a function of the angle between them. Full vectors have none.
+  void add_hessian(const StateView<2>& s, Index i, BlockSink<2>& h, PreStress pre_stress = PreStress::kept) const {
     const Corner k = corner(s, i);
     Mat<2> uu, ww, uw;
     if (edges == EdgeVectors::full) {
       uu = ww = 2 * k.c * Mat<2>::Identity();
       uw = -uu;
+    } else if (pre_stress == PreStress::dropped) {
+      const Real curvature = 2 * k.c * k.u.dot(k.w);
+      const Vec<2> du = k.inverse_u * Vec<2>(k.u[1], -k.u[0]), dw = k.inverse_w * Vec<2>(-k.w[1], k.w[0]);
+      uu = curvature * du * du.transpose();
+      ww = curvature * dw * dw.transpose();
+      uw = curvature * du * dw.transpose();
     } else {
       uu = 2 * k.c * square(k.inverse_u) * same_edge(k.u, k.w);
       ww = 2 * k.c * square(k.inverse_w) * same_edge(k.w, k.u);

@@ -22,8 +22,9 @@ Real drag_shares(DragLaw law, const Topology& topology, Index m) {
   return law == DragLaw::per_mass ? average_mass<D> / topology.point_mass[m] : topology.points_of(m);
 }
 
-/// F_i = −(ζ/n) v_i on each of the n points of a particle (n = 1 for soft particles); the same ζ for all sizes, or in
-/// proportion to their masses. Dissipated power (ζ/n) v². ζ in ρσ_avg^(D−1) g t0. Elements: points.
+/// F_i = −(ζ/n) (v_i − u_i) on each of the n points of a particle (n = 1 for soft particles); the same ζ for all sizes,
+/// or in proportion to their masses. u_i: velocity of the fluid at the point, zero unless the box is sheared at a rate
+/// (StateView::flow). Dissipated power (ζ/n) (v − u)². ζ in ρσ_avg^(D−1) g t0. Elements: points.
 template <int D>
 struct Drag {
   Real zeta;
@@ -43,18 +44,30 @@ struct Drag {
   }
 
   bool enabled(const StateView<D>&) const { return zeta > 0; }
-  Real power(const StateView<D>& s, Index i) const { return coefficient(s.topology, i) * s.velocity(i).squaredNorm(); }
+  Real power(const StateView<D>& s, Index i) const { return coefficient(s.topology, i) * slip(s, i).squaredNorm(); }
   template <class F>
   void add_force(const StateView<D>& s, Index i, F& force) const {
-    force.add(i, Vec<D>(-coefficient(s.topology, i) * s.velocity(i)));
+    force.add(i, Vec<D>(-coefficient(s.topology, i) * slip(s, i)));
   }
   void add_dforce_dv(const StateView<D>& s, Index i, BlockSink<D>& h) const {
     h.add(i, i, -coefficient(s.topology, i) * Mat<D>::Identity());
+  }
+  void add_dforce_dx(const StateView<D>& s, Index i, BlockSink<D>& h) const {
+    if (!s.flow.flows()) return;
+    Mat<D> block = Mat<D>::Zero();
+    block(0, 1) = coefficient(s.topology, i) * s.flow.rate;
+    h.add(i, i, block);
   }
   Real max_damping(const Topology& topology) const {
     return zeta / smallest_over_points(topology, [&](Index i) {
              return topology.mass(i) * drag_shares<D>(law, topology, topology.particle[i]);
            });
+  }
+
+  /// Velocity of point i relative to the fluid.
+  static Vec<D> slip(const StateView<D>& s, Index i) {
+    if (!s.flow.flows()) return s.velocity(i);
+    return s.velocity(i) - s.flow.at(s.position(i));
   }
 
  private:

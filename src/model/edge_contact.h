@@ -91,7 +91,7 @@ struct EdgeContact {
     }
   }
 
-  void add_hessian(const StateView<2>& s, Index e, BlockSink<2>& h) const {
+  void add_hessian(const StateView<2>& s, Index e, BlockSink<2>& h, PreStress pre_stress = PreStress::kept) const {
     const auto [p, a, b, v] = element(s, e);
     const SegmentDistance edge = segment_distance(s.position(p), s.position(a), s.position(b));
     if (!v.touches(edge.d)) return;
@@ -100,13 +100,13 @@ struct EdgeContact {
       for (int l = 0; l < 3; ++l)
         h.add(points[k], points[l],
               edge_weight() * (v.curvature(edge.d) * edge.gradient[k] * edge.gradient[l].transpose() +
-                               v.slope(edge.d) * edge.hessian[k][l]));
+                               slope_factor(pre_stress) * v.slope(edge.d) * edge.hessian[k][l]));
     const Vec<2> r = s.position(p) - s.position(a);
     const Real d = r.norm();
     if (!v.touches(d)) return;
     const Vec<2> n = direction<2>(r, d);
-    const Mat<2> block =
-        vertex_weight() * (v.curvature(d) * n * n.transpose() + v.slope(d) * distance_curvature<2>(n, d));
+    const Mat<2> block = vertex_weight() * (v.curvature(d) * n * n.transpose() +
+                                            slope_factor(pre_stress) * v.slope(d) * distance_curvature<2>(n, d));
     h.add(p, p, -block);
     h.add(a, a, -block);
     h.add(p, a, block);

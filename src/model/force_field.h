@@ -120,6 +120,9 @@ class ForceField {
   /// gravity, the sum of the terms over the volume is the stress σ_ab = (1/V) ∂U/∂e_ab under r → (1 + e) r of all
   /// particles and the box: tension positive, pressure −tr σ/D. Errors: InputError for terms with contact history.
   virtual std::vector<TermVirial<D>> virials(const StateView<D>& s) const = 0;
+  /// The same sum shared out to the own particles [own particles]: the elements of a particle belong to it, and each
+  /// element between two particles belongs to either by half. Errors: as of virials().
+  virtual std::vector<Mat<D>> particle_virials(const StateView<D>& s) const = 0;
   /// The energy of the elements that have a point of one of these particles, given by id.
   virtual Real energy_of(const StateView<D>& s, std::span<const Index> ids) const = 0;
   /// Dissipated power, ≥ 0.
@@ -130,8 +133,8 @@ class ForceField {
   virtual std::vector<TermReport> report(const StateView<D>& s) const = 0;
   /// Force of the term called `name` alone, written to f [points · D]; zero if the model has no such term.
   virtual void force_of(std::string_view name, const StateView<D>& s, Real* f) const = 0;
-  /// ∂²U/∂x² of all energy terms.
-  virtual void hessian(const StateView<D>& s, BlockSink<D>& h) const = 0;
+  /// ∂²U/∂x² of all energy terms. Errors: InputError for a term whose pre-stress cannot be dropped.
+  virtual void hessian(const StateView<D>& s, BlockSink<D>& h, PreStress pre_stress = PreStress::kept) const = 0;
   /// ∂F/∂v of all dissipations.
   virtual void damping(const StateView<D>& s, BlockSink<D>& h) const = 0;
   virtual void for_each_contact(const StateView<D>& s, const std::function<void(const Contact<D>&)>& visit) const = 0;

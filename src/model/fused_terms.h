@@ -37,16 +37,20 @@ struct PointKernel {
     if (!drag.enabled(s)) return;
     const Topology& topology = s.topology;
     const Range own = s.neighbours.particles(chunk);
-    const auto add = [&](auto&& shares) {
+    const auto add = [&](auto&& shares, auto&& slip) {
       for (Index m = own.first; m < own.last; ++m) {
         const Real zeta = drag.zeta / shares(m);
-        for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i) point<D>(f, i) -= zeta * s.velocity(i);
+        for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i) point<D>(f, i) -= zeta * slip(i);
       }
     };
-    if (drag.law == DragLaw::per_particle)
-      add([&](Index m) { return topology.points_of(m); });
+    const auto shares = [&](Index m) { return drag_shares<D>(drag.law, topology, m); };
+    const auto velocity = [&](Index i) { return s.velocity(i); };
+    if (s.flow.flows())
+      add(shares, [&](Index i) { return drag.slip(s, i); });
+    else if (drag.law == DragLaw::per_particle)
+      add([&](Index m) { return topology.points_of(m); }, velocity);
     else
-      add([&](Index m) { return drag_shares<D>(drag.law, topology, m); });
+      add(shares, velocity);
   }
 };
 

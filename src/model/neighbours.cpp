@@ -33,23 +33,38 @@ Real Neighbours<D>::farthest(const Walls<D>& wall, const Real* x, Real t) const 
     for (Index i = 0; i < chunk_point_.back(); ++i) most = std::max(most, (point<D>(x, i) - p).norm());
     return most + widest_ / 2 + needs_.beyond_contact;
   }));
+  const bool deformed = deformation_ != Mat<D>::Identity();
 #pragma omp parallel for reduction(max : moved) if (chunks() > 1)
   for (Index c = 0; c < chunks(); ++c) {
     const Range own = points(c);
     const auto first = static_cast<std::size_t>(own.first) * D;
-    if (built_) moved = std::max(moved, pliant::farthest<D>(own.size(), x + first, reference_.data() + first));
+    if (!built_) continue;
+    const Real* reference = reference_.data() + first;
+    moved = std::max(moved, deformed ? farthest_from_deformed(own.size(), x + first, reference)
+                                     : pliant::farthest<D>(own.size(), x + first, reference));
   }
   return moved;
 }
 
 template <int D>
-void Neighbours<D>::deform(const Vec<D>& origin, const Mat<D>& f) {
-  deformation_ = f * deformation_;
-  shortened_ = (deformation_ - Mat<D>::Identity()).norm() * (widest_ + margin()) / 2;
-  for (std::size_t i = 0; i < reference_.size(); i += D) {
-    Eigen::Map<Vec<D>> r(&reference_[i]);
-    r = origin + f * (r - origin);
+Real Neighbours<D>::farthest_from_deformed(Index points, const Real* x, const Real* reference) const {
+  const Mat<D> change = deformation_ - Mat<D>::Identity();
+  Real most = 0;
+  bool finite = true;
+  for (Index i = 0; i < points; ++i) {
+    const Vec<D> from = point<D>(reference, i);
+    const Real moved = (point<D>(x, i) - from - change * (from - origin_)).squaredNorm();
+    finite = finite && moved == moved;
+    most = std::max(most, moved);
   }
+  return finite ? std::sqrt(most) : std::numeric_limits<Real>::infinity();
+}
+
+template <int D>
+void Neighbours<D>::set_deformation(const Vec<D>& origin, const Mat<D>& f) {
+  origin_ = origin;
+  deformation_ = f;
+  shortened_ = (deformation_ - Mat<D>::Identity()).norm() * (widest_ + margin()) / 2;
 }
 
 template <int D>

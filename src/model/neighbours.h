@@ -41,7 +41,9 @@ class Neighbours : public NeighbourLists {
   Real limit() const { return skin_ / 2 - shortened_; }
   /// All points, ghosts too, have followed r → origin + F (r − origin). Displacements count from the deformed reference
   /// positions. The lists stay valid as long as F since the rebuild shortens no distance by more than the skin.
-  void deform(const Vec<D>& origin, const Mat<D>& f);
+  void deform(const Vec<D>& origin, const Mat<D>& f) { set_deformation(origin, f * deformation_); }
+  /// As deform(), where F is the deformation since the rebuild.
+  void set_deformation(const Vec<D>& origin, const Mat<D>& f);
   bool valid(const Walls<D>& wall, const Real* x, Real t = 0) const { return farthest(wall, x, t) <= limit(); }
 
   /// Makes the lists valid for positions x [points · D] at time t. Errors: NumericalError for a position that is not
@@ -70,7 +72,7 @@ class Neighbours : public NeighbourLists {
     std::vector<Real> reference;
     std::vector<Index> relisted;
     std::vector<Real> places;  ///< coordinates of the points of each
-    Real time = 0;             ///< time of the last rebuild; matters for moving walls
+    Real time = 0;             ///< time of the last rebuild; matters for moving walls and boxes
   };
   History history(const Topology& topology) const;
   /// Builds the same lists, in the same order.
@@ -84,6 +86,7 @@ class Neighbours : public NeighbourLists {
   /// there are no lists.
   const std::vector<Real>& reference() const { return reference_; }
   std::int64_t rebuilds() const { return rebuilds_; }
+  Real time_of_rebuild() const { return time_; }
   /// Another number whenever the lists hold other pairs.
   std::int64_t version() const { return version_; }
   /// Pairs of points; of vertices and edges where points meet none.
@@ -108,6 +111,7 @@ class Neighbours : public NeighbourLists {
     Pair pair;
     Real reach;
   };
+  Real farthest_from_deformed(Index points, const Real* x, const Real* reference) const;
   void divide(const Topology& topology);
   Index chunk_of(Index i) const;
   /// Calls visit(kind) for the kinds that are found by a search.
@@ -131,9 +135,10 @@ class Neighbours : public NeighbourLists {
   bool narrowed_ = false;
   bool built_ = false;  ///< and not invalid; a rank without particles has no reference
   std::vector<Real> reference_;
-  Mat<D> deformation_ = Mat<D>::Identity();  ///< of the reference since the last rebuild
-  Real shortened_ = 0;                       ///< half of the length by which it shortens distances at most
-  Real time_ = 0;                            ///< of the last rebuild
+  Mat<D> deformation_ = Mat<D>::Identity();  ///< since the last rebuild, about origin_
+  Vec<D> origin_ = Vec<D>::Zero();
+  Real shortened_ = 0;  ///< half of the length by which the deformation shortens distances at most
+  Real time_ = 0;       ///< of the last rebuild
   std::int64_t rebuilds_ = 0, version_ = 0;
   std::vector<Index> chunk_{0}, chunk_point_{0};
   Real widest_ = 0, longest_ = 0;  ///< diameter of a point, edge

@@ -69,14 +69,15 @@ struct PairContact {
     grad.add(j, -pull);
   }
 
-  void add_hessian(const StateView<D>& s, Index e, BlockSink<D>& h) const {
+  void add_hessian(const StateView<D>& s, Index e, BlockSink<D>& h, PreStress pre_stress = PreStress::kept) const {
     const auto [i, j] = s.neighbours.point_pairs[e];
     const Vec<D> r = s.position(i) - s.position(j);
     const Real d = r.norm();
     const Law v = law(s, i, j);
     if (!v.touches(d)) return;
     const Vec<D> n = direction<D>(r, d);
-    const Mat<D> block = v.curvature(d) * n * n.transpose() + v.slope(d) * distance_curvature<D>(n, d);
+    const Mat<D> block =
+        v.curvature(d) * n * n.transpose() + slope_factor(pre_stress) * v.slope(d) * distance_curvature<D>(n, d);
     h.add(i, i, block);
     h.add(j, j, block);
     h.add(i, j, -block);

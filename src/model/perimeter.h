@@ -41,13 +41,13 @@ struct Perimeter {
     grad.add(i, -tension);
   }
 
-  void add_hessian(const StateView<2>& s, Index i, BlockSink<2>& h) const {
+  void add_hessian(const StateView<2>& s, Index i, BlockSink<2>& h, PreStress pre_stress = PreStress::kept) const {
     const Index m = s.topology.particle[i], j = s.topology.next[i];
     const Vec<2> l = edge(s, i);
     const Real length = l.norm();
     const Vec<2> n = l / length;
-    const Mat<2> block =
-        spring(s, m) * (n * n.transpose() + (length - s.topology.l0[m]) * distance_curvature<2>(n, length));
+    const Mat<2> block = spring(s, m) * (n * n.transpose() + slope_factor(pre_stress) * (length - s.topology.l0[m]) *
+                                                                 distance_curvature<2>(n, length));
     h.add(i, i, block);
     h.add(j, j, block);
     h.add(i, j, -block);

@@ -9,6 +9,7 @@
 
 #include <pliant/base/multiversion.h>
 #include <pliant/base/types.h>
+#include <pliant/geometry/box.h>
 #include <pliant/geometry/rotation.h>
 #include <pliant/geometry/walls.h>
 #include <pliant/kernels/prefetch.h>
@@ -34,6 +35,8 @@ struct StateView {
   const Real* spins = nullptr;              ///< [points · rotations]; may be null as v may
   const ContactHistory* history = nullptr;  ///< the current one; null: no contact has a history
   const Real* turns = nullptr;  ///< in space, with a history: change of the angles since the last accepted step
+
+  ShearFlow<D> flow = {};  ///< of the box, and of the fluid around the particles
 
   Vec<D> position(Index i) const { return point<D>(x, i); }
   Vec<D> velocity(Index i) const { return point<D>(v, i); }
@@ -103,6 +106,13 @@ struct BlockSink {
   virtual void add(Index i, Index j, const Mat<D>& block) = 0;
 };
 
+/// Second derivatives V''(q) ∇q ∇qᵀ + V'(q) ∇²q of an energy V of a length, an angle or an area q: both parts, or
+/// without the second part (the pre-stress), as if each element were at rest.
+enum class PreStress { kept, dropped };
+
+/// Factor of the second part.
+inline Real slope_factor(PreStress pre_stress) { return pre_stress == PreStress::kept ? 1 : 0; }
+
 /// A touching pair, as the output and the statistics see it.
 template <int D>
 struct Contact {
@@ -164,6 +174,7 @@ inline constexpr Real crowding = E == Elements::point_pairs                    ?
 ///   edges    whether its edges are wide (as without it) or bare, also where it is off
 ///   check(walls)  throws an InputError for walls that it is not defined for
 ///   force(s, e)   of the wall, or the lip, on its points: then the wall feels the opposite
+///   add_hessian(s, e, h, pre_stress)  without pre-stress too
 ///   crowded(topology)   MotionRates with as many contacts as fit around a point, where that is not crowding times
 ///                       max_rate², or where angles count
 template <class T, int D>

@@ -64,9 +64,10 @@ class TermFunctions {
   virtual Real add_energy_of(const StateView<D>& s, std::span<const Range> points, Real sum) const = 0;
   virtual Real add_power(const StateView<D>& s, Index chunk, Real sum) const = 0;
   virtual Mat<D> virial(const StateView<D>& s, Index chunk) const = 0;
+  virtual void add_particle_virials(const StateView<D>& s, Index chunk, Mat<D>* sums) const = 0;
   virtual TermReport report(const StateView<D>& s, std::size_t numbers) const = 0;
   virtual void derivatives(const StateView<D>& s, Index chunk, BlockSink<D>& df_dx, BlockSink<D>& df_dv) const = 0;
-  virtual void add_blocks(const StateView<D>& s, BlockSink<D>& h) const = 0;
+  virtual void add_blocks(const StateView<D>& s, BlockSink<D>& h, PreStress pre_stress) const = 0;
   virtual void for_each_contact(const StateView<D>& s, const std::function<void(const Contact<D>&)>& visit) const = 0;
   virtual void add_wall_forces(const StateView<D>& s, Real* f, Real* on_pivots, WallGroup which) const = 0;
   /// The next history becomes current after a step of length h, and the losses of the step are added.
@@ -158,13 +159,18 @@ class TermFunctionsOf final : public TermFunctions<D> {
       return sum;
   }
   Mat<D> virial(const StateView<D>& s, Index chunk) const override { return Loops::virial(term_, s, chunk); }
+  void add_particle_virials(const StateView<D>& s, Index chunk, Mat<D>* sums) const override {
+    Loops::add_particle_virials(term_, s, chunk, sums);
+  }
   TermReport report(const StateView<D>& s, std::size_t numbers) const override {
     return Loops::report(term_, s, numbers);
   }
   void derivatives(const StateView<D>& s, Index chunk, BlockSink<D>& df_dx, BlockSink<D>& df_dv) const override {
     Loops::derivatives(term_, s, chunk, df_dx, df_dv);
   }
-  void add_blocks(const StateView<D>& s, BlockSink<D>& h) const override { Loops::add_blocks(term_, s, h); }
+  void add_blocks(const StateView<D>& s, BlockSink<D>& h, PreStress pre_stress) const override {
+    Loops::add_blocks(term_, s, h, pre_stress);
+  }
   void for_each_contact(const StateView<D>& s, const std::function<void(const Contact<D>&)>& visit) const override {
     Loops::for_each_contact(term_, s, visit);
   }

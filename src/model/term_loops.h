@@ -116,6 +116,33 @@ class TermLoops {
       throw InputError("the term {} has no virial: its forces depend on more than positions", term.name());
     return gradients.sum;
   }
+  /// The virials of the elements of a chunk, added to sums [own particles]: of one particle, or a half for each of two
+  /// particles. A particle of another chunk gets its half there. Errors: as above.
+  [[gnu::noinline]] static void add_particle_virials(const T& term, const View& s, Index chunk, Mat<D>* sums) {
+    if constexpr (!is_energy || has_torque<T>) {
+      throw InputError("the term {} has no virial: its forces depend on more than positions", term.name());
+    } else if constexpr (!KindOf<T>::paired) {
+      const Range range = inside<T>(s, chunk);
+      for (Index e = range.first; e < range.last; ++e) {
+        VirialSum<D> gradients{s.x};
+        term.add_gradient(s, e, gradients);
+        if constexpr (KindOf<T>::listed)
+          sums[s.topology.particle[(s.neighbours.*KindOf<T>::list)[e].first]] += gradients.sum;
+        else
+          sums[KindOf<T>::particle(s.topology, e)] += gradients.sum;
+      }
+    } else {
+      const Range own = s.neighbours.particles(chunk);
+      for (const Range range : {inside<T>(s, chunk), across<T>(s, chunk)})
+        for (Index e = range.first; e < range.last; ++e) {
+          VirialSum<D> gradients{s.x};
+          term.add_gradient(s, e, gradients);
+          const Pair& pair = (s.neighbours.*KindOf<T>::list)[e];
+          for (const Index i : {pair.first, pair.second})
+            if (const Index m = s.topology.particle[i]; own.contains(m)) sums[m] += gradients.sum / 2;
+        }
+    }
+  }
   /// sum + the energy of the elements that have a point in one of these ranges, which are few.
   [[gnu::noinline]] static Real add_energy_of(const T& term, const View& s, std::span<const Range> points, Real sum) {
     with_energies(term, s, [&](auto&& energy) {
@@ -180,9 +207,17 @@ class TermLoops {
           }
     }
   }
-  /// ∂²U/∂x² of an energy, ∂F/∂v of a dissipation. Errors: as above.
-  [[gnu::noinline]] static void add_blocks(const T& term, const View& s, BlockSink<D>& h) {
+  /// ∂²U/∂x² of an energy, ∂F/∂v of a dissipation. Errors: as above, and InputError for an energy whose pre-stress
+  /// cannot be dropped.
+  [[gnu::noinline]] static void add_blocks(const T& term, const View& s, BlockSink<D>& h, PreStress pre_stress) {
     require_derivatives(term);
+    if constexpr (is_energy)
+      if (pre_stress == PreStress::dropped) {
+        if constexpr (requires(Index e) { term.add_hessian(s, e, h, pre_stress); })
+          return for_each_element(s, [&](Index e) { term.add_hessian(s, e, h, pre_stress); });
+        else
+          throw InputError("the pre-stress of the term {} cannot be dropped; keep it", term.name());
+      }
     if constexpr (has_derivatives<T, D>)
       for_each_element(s, [&](Index e) {
         if constexpr (is_energy)

@@ -162,6 +162,17 @@ std::vector<TermVirial<D>> TermSum<D>::virials(const StateView<D>& s) const {
 }
 
 template <int D>
+std::vector<Mat<D>> TermSum<D>::particle_virials(const StateView<D>& s) const {
+  std::vector<Mat<D>> sums(static_cast<std::size_t>(s.topology.owned()), Mat<D>::Zero());
+  const auto add = [&](const TermFunctions<D>& term) {
+    for_each_chunk(s, [&](Index c) { term.add_particle_virials(s, c, sums.data()); });
+  };
+  for_each(&TermKind::energy, s, add);
+  for_each(&TermKind::history, s, add);
+  return sums;
+}
+
+template <int D>
 Real TermSum<D>::energy_of(const StateView<D>& s, std::span<const Index> ids) const {
   std::vector<Range> points;  // ghosts have points, too
   for (const Index id : ids)
@@ -211,13 +222,13 @@ void TermSum<D>::force_of(std::string_view name, const StateView<D>& s, Real* f)
 }
 
 template <int D>
-void TermSum<D>::hessian(const StateView<D>& s, BlockSink<D>& h) const {
-  for_each(&TermKind::energy, s, [&](const TermFunctions<D>& term) { term.add_blocks(s, h); });
+void TermSum<D>::hessian(const StateView<D>& s, BlockSink<D>& h, PreStress pre_stress) const {
+  for_each(&TermKind::energy, s, [&](const TermFunctions<D>& term) { term.add_blocks(s, h, pre_stress); });
 }
 
 template <int D>
 void TermSum<D>::damping(const StateView<D>& s, BlockSink<D>& h) const {
-  for_each(&TermKind::dissipation, s, [&](const TermFunctions<D>& term) { term.add_blocks(s, h); });
+  for_each(&TermKind::dissipation, s, [&](const TermFunctions<D>& term) { term.add_blocks(s, h, PreStress::kept); });
 }
 
 template <int D>

@@ -32,12 +32,13 @@ class TermSum : public ForceField<D> {
   Couplings couplings(const StateView<D>& s, TermGroup group) const final;
   Real energy(const StateView<D>& s, Real* f) const final;
   std::vector<TermVirial<D>> virials(const StateView<D>& s) const final;
+  std::vector<Mat<D>> particle_virials(const StateView<D>& s) const final;
   Real energy_of(const StateView<D>& s, std::span<const Index> ids) const final;
   Real power(const StateView<D>& s) const final;
   void dissipative_forces(const StateView<D>& s, Real* f) const final;
   std::vector<TermReport> report(const StateView<D>& s) const final;
   void force_of(std::string_view name, const StateView<D>& s, Real* f) const final;
-  void hessian(const StateView<D>& s, BlockSink<D>& h) const final;
+  void hessian(const StateView<D>& s, BlockSink<D>& h, PreStress pre_stress = PreStress::kept) const final;
   void damping(const StateView<D>& s, BlockSink<D>& h) const final;
   void for_each_contact(const StateView<D>& s, const std::function<void(const Contact<D>&)>& visit) const final;
   void add_wall_forces(const StateView<D>& s, Real* f, Real* on_pivots, WallGroup which) const final;

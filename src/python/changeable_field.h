@@ -60,12 +60,15 @@ class ChangeableField final : public ForceField<D> {
   Couplings couplings(const StateView<D>& s, TermGroup group) const override { return field_->couplings(s, group); }
   Real energy(const StateView<D>& s, Real* f = nullptr) const override { return field_->energy(s, f); }
   std::vector<TermVirial<D>> virials(const StateView<D>& s) const override { return field_->virials(s); }
+  std::vector<Mat<D>> particle_virials(const StateView<D>& s) const override { return field_->particle_virials(s); }
   Real energy_of(const StateView<D>& s, std::span<const Index> ids) const override { return field_->energy_of(s, ids); }
   Real power(const StateView<D>& s) const override { return field_->power(s); }
   void dissipative_forces(const StateView<D>& s, Real* f) const override { field_->dissipative_forces(s, f); }
   std::vector<TermReport> report(const StateView<D>& s) const override { return field_->report(s); }
   void force_of(std::string_view name, const StateView<D>& s, Real* f) const override { field_->force_of(name, s, f); }
-  void hessian(const StateView<D>& s, BlockSink<D>& h) const override { field_->hessian(s, h); }
+  void hessian(const StateView<D>& s, BlockSink<D>& h, PreStress pre_stress = PreStress::kept) const override {
+    field_->hessian(s, h, pre_stress);
+  }
   void damping(const StateView<D>& s, BlockSink<D>& h) const override { field_->damping(s, h); }
   void for_each_contact(const StateView<D>& s, const std::function<void(const Contact<D>&)>& visit) const override {
     field_->for_each_contact(s, visit);

@@ -9,6 +9,7 @@
 #include <pliant/model/polygon.h>
 #include <pliant/model/surface.h>
 #include <pliant/run/wall_contacts.h>
+#include <pliant/system/stress.h>
 
 namespace pliant {
 namespace {
@@ -161,7 +162,7 @@ void Centres<D>::update(const Topology& topology, const State& state) {
 
 template <int D>
 FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state, const std::vector<Index>* reinsertions,
-                        bool wall_contacts) {
+                        bool wall_contacts, bool stress, const std::vector<Real>* modes) {
   const StateView<D> view = system.view(state.x().data(), state.v().data(), state.t);
   const Topology& topology = system.topology();
   const Ranks& ranks = system.ranks();
@@ -192,7 +193,7 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state, const std
   }
   const State& shown = system.box().open() ? state : wrapped;
   positions_ = order.points(shown.x(), D);
-  velocities_ = order.points(state.v(), D);
+  velocities_ = order.points(shown.v(), D);
   if (const int width = system.coordinates().angles; width > 0) {
     angles_ = order.points(system.rotations_in(state.x()), width);
     spins_ = order.points(system.rotations_in(state.v()), width);
@@ -217,6 +218,17 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state, const std
     content_ = order.particles<Real>(content);
     rim_ = order.particles<Real>(rim);
   }
+  if (stress) {
+    std::vector<Real> upper;
+    for (const Mat<D>& m : particle_stress(system, state.x(), state.v(), state.t))
+      for (int a = 0; a < D; ++a)
+        for (int b = a; b < D; ++b) upper.push_back((m(a, b) + m(b, a)) / 2);
+    particle_stress_ = order.particles<Real>(upper, D * (D + 1) / 2);
+  }
+  if (modes != nullptr && topology.owned_points() > 0) {
+    frame.mode_width = modes->size() / static_cast<std::size_t>(topology.owned_points());
+    modes_ = order.points(*modes, static_cast<int>(frame.mode_width));
+  }
   if (reinsertions != nullptr) reinsertions_ = order.particles<Index>(*reinsertions);
   contact_count_ = count_contacts(contacts_, ranks, shares);
   share_contacts(contacts_, ranks, shares);
@@ -235,6 +247,8 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state, const std
   frame.box = box_;
   frame.reinsertions = reinsertions_;
   frame.contact_count = contact_count_;
+  frame.particle_stress = particle_stress_;
+  frame.modes = modes_;
   (D == 2 ? frame.area : frame.volume) = content_;
   (D == 2 ? frame.perimeter : frame.surface_area) = rim_;
   frame.wall_force = wall_force_;

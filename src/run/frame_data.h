@@ -33,9 +33,10 @@ template <int D>
 class FrameData {
  public:
   /// reinsertions: how often each own particle was reinserted; null: no particle ever is. wall_contacts: whether to
-  /// find them, which costs some evaluations of forces.
+  /// find them, which costs some evaluations of forces. stress: of each particle.
+  /// modes: displacements [own points · K · D], or null.
   FrameData(ParticleSystem<D>& system, const State& state, const std::vector<Index>* reinsertions = nullptr,
-            bool wall_contacts = true);
+            bool wall_contacts = true, bool stress = false, const std::vector<Real>* modes = nullptr);
   FrameData(const FrameData&) = delete;
   FrameData& operator=(const FrameData&) = delete;
   Frame frame;
@@ -46,6 +47,7 @@ class FrameData {
   std::vector<Real> positions_, velocities_, angles_, spins_, wall_force_;
   std::vector<Real> centres_;        ///< deformable particles only; the centre of a soft particle is its position
   std::vector<Real> content_, rim_;  ///< area and perimeter of polygons, volume and area of closed surfaces
+  std::vector<Real> particle_stress_, modes_;
   std::vector<std::uint8_t> active_;
   std::vector<std::int64_t> images_;  ///< in a periodic box
   std::vector<Real> box_;             ///< its origin, lengths and tilt factors

@@ -145,7 +145,9 @@ void MotionArchive<D>::lists() {
     now = neighbours.history(particles.topology());
   a_.number("list_time", now.time, 0, a_.t());
   if (!a_.reads()) return save_lists(std::move(now.reference), now.relisted, now.places, a_.to());
-  const auto [reference, relisted, places] = a_.particles().lists(n_.skin / 2 * (1 + 1e-9));
+  const ShearFlow<D>& flow = particles.box().flow();
+  const auto [reference, relisted, places] =
+      a_.particles().lists(n_.skin / 2 * (1 + 1e-9), flow.rate * (s.t - now.time), flow.y0);
   neighbours.set_skin(n_.skin);
   if (!reference.empty()) {
     if (particles.has_ghosts())

@@ -36,6 +36,8 @@ class RunAccess {
   virtual Real last_dt() const = 0;
   /// The command that continues the run.
   virtual std::string restart_command() const = 0;
+  /// Whether the run is to stop with a checkpoint, for a step that takes long. Collective.
+  virtual bool stop_requested() const = 0;
   /// The samples to average over, counted from the first sample of the run.
   virtual EvenSamples even_samples() const = 0;
 };
@@ -120,6 +122,10 @@ class Protocol {
   virtual std::map<std::string, Real> frame_attributes() const { return {}; }
   /// How often each own particle was reinserted; null where particles never are.
   virtual const std::vector<Index>* reinsertions() const { return nullptr; }
+  /// Displacements of modes [own points · K · D], of each point by one mode after the other, for frames; null without.
+  virtual const std::vector<Real>* modes() const { return nullptr; }
+  /// Whether frames have the stress of each particle. Needs a box that is periodic in all directions.
+  virtual bool measures_stress() const { return false; }
   virtual std::string progress() const { return {}; }
   /// Visits every quantity of the protocol that a restart needs, under a name that only the protocol uses, to write or
   /// to read the quantity. Before reading, the particles and the state are restored; the lists are not. Errors:
@@ -137,6 +143,7 @@ class Protocol {
 
  protected:
   RunAccess& run() const { return *run_; }
+  bool attached() const { return run_ != nullptr; }
   State& state() { return simulation_->state(); }
   const State& state() const { return simulation_->state(); }
   ParticleSystem<D>& particles() { return simulation_->particles(); }

@@ -140,6 +140,8 @@ void Run<D>::check_frame_fields() {
   refuse({"area", "perimeter"}, deformable && D == 2, "its particles are not polygons");
   refuse({"volume", "surface_area"}, deformable && D == 3, "its particles are not closed surfaces");
   refuse({"reinsertions"}, protocol_->reinsertions() != nullptr, "particles are never reinserted");
+  refuse({"particle_stress"}, protocol_->measures_stress(), "its scenario measures no stress");
+  refuse({"modes"}, protocol_->modes() != nullptr, "it computes no modes (-modes K of pack and shear)");
   refuse({"wall_force", "wall_contacts"}, particles.walls().size() > 0, "it has no walls");
 }
 
@@ -292,7 +294,9 @@ template <int D>
 void Run<D>::write_frame() {
   const LogScope log(LogEvent::frame);
   framing_.done(state().t);
-  FrameData<D> data(simulation().particles(), state(), protocol_->reinsertions(), frame_format_.has("wall_contacts"));
+  FrameData<D> data(simulation().particles(), state(), protocol_->reinsertions(), frame_format_.has("wall_contacts"),
+                    protocol_->measures_stress() && frame_format_.has("particle_stress"),
+                    frame_format_.has("modes") ? protocol_->modes() : nullptr);
   const std::vector<Real> walls = protocol_->wall_segments();
   data.frame.wall_segments = walls;
   data.frame.attributes = protocol_->frame_attributes();

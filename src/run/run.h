@@ -50,6 +50,7 @@ class Run final : public AnyRun, private RunAccess {
   void add_event(const std::vector<SeriesValue>& row) override;
   Real last_dt() const override;
   std::string restart_command() const override;
+  bool stop_requested() const override { return control_.stop(); }
   EvenSamples even_samples() const override { return EvenSamples(sampling_); }
 
   Simulation<D>& simulation() { return protocol_->simulation(); }

@@ -72,9 +72,11 @@ bool Simulation<D>::wants_sorting() const {
 template <int D>
 Migration Simulation<D>::sort() {
   ++arrangement_;
-  Migration migration = overdamped() ? overdamped()->sort(state_) : particles().sort(state_);
-  if (!fresh_ && integrator_->carries()) {
-    std::vector<Real> carried(integrator_->carried().begin(), integrator_->carried().end());
+  const bool carries = !fresh_ && integrator_->carries();
+  std::vector<Real> carried;
+  if (carries) carried.assign(integrator_->carried().begin(), integrator_->carried().end());
+  Migration migration = overdamped() ? overdamped()->sort(state_) : particles().sort(state_, carried);
+  if (carries) {
     migration.move_coordinates(carried, particles().coordinates());
     integrator_->set_carried(carried);
   }

@@ -62,7 +62,7 @@ std::vector<Image> StoredParticles::images(const std::string& name) const {
   return own;
 }
 
-StoredParticles::Lists StoredParticles::lists(Real reach) const {
+StoredParticles::Lists StoredParticles::lists(Real reach, Real shear, Real y0) const {
   const Checkpoint& c = checkpoint_;
   const std::size_t n = all_ids_.size(), listed = c.length(reference_entry) == 0 ? 0 : coordinates(),
                     moved = listed == 0 ? 0 : c.length(relisted_entry);
@@ -81,6 +81,8 @@ StoredParticles::Lists StoredParticles::lists(Real reach) const {
     std::copy_n(&lists.places[from], count(k), &place[start[k]]);
     from += count(k);
   }
+  if (shear != 0)
+    for (std::size_t i = 0; i < place.size(); i += dim_) place[i] += shear * (place[i + 1] - y0);
   const auto& x = c.real_array("x", coordinates(), -far, far);
   for (std::size_t i = 0; i < place.size(); ++i)
     if (std::abs(x[i] - place[i]) > reach)

@@ -51,13 +51,13 @@ class StoredParticles {
   }
 
   /// Reference of the lists of the stopped run, for all particles; empty if there were no lists. Checks that no
-  /// coordinate differs from the reference by more than `reach`.
+  /// coordinate differs from the reference, after the shear since then, by more than `reach`.
   struct Lists {
     const std::vector<Real>& reference;
     std::vector<Index> relisted;
     const std::vector<Real>& places;
   };
-  Lists lists(Real reach) const;
+  Lists lists(Real reach, Real shear = 0, Real y0 = 0) const;
 
  private:
   std::size_t points_of(Index k) const { return static_cast<std::size_t>(all_.points_of(all_ids_[k])); }

@@ -36,6 +36,10 @@ class MotionBound {
     for (Real& distance : distance_) distance += per_coordinate_ * change;
     reported_.reset();
   }
+  /// Since the last evaluation images have moved by up to this distance in addition.
+  void carry(Real distance) {
+    for (Real& moved : distance_) moved += distance;
+  }
   /// The points have moved to unreported positions.
   void lose() {
     distance_.fill(infinite);

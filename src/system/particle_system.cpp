@@ -56,6 +56,7 @@ bool ParticleSystem<D>::fused_step(Real t, std::vector<Real>& x, std::vector<Rea
   if (rotates_or_remembers()) return ImplicitSystem::fused_step(t, x, v, advance);
   ++use_.evaluations;
   motion_.evaluate();
+  follow_shear(t);
   if (!hold(x.data(), t)) rebuild(x.data(), t);
   if (has_ghosts()) {
     const LogScope log(LogEvent::halo);
@@ -67,7 +68,8 @@ bool ParticleSystem<D>::fused_step(Real t, std::vector<Real>& x, std::vector<Rea
     prefetch = advance.arrays;
     prefetch.add(v.data());
   }
-  const StateView<D> s{x.data(), v.data(), topology_, neighbours_, walls_, t, prefetch};
+  StateView<D> s{x.data(), v.data(), topology_, neighbours_, walls_, t, prefetch};
+  s.flow = box_.flow();
   const LogScope log(LogEvent::forces);
   std::array<Real, Neighbours<D>::max_chunks> change;
   const bool finite = field_->accelerations(s, scratch_, [&](Index chunk, const Real* a) {
@@ -137,6 +139,7 @@ const Real* ParticleSystem<D>::with_ghosts(const Real* own, std::vector<Real>& s
 template <int D>
 void ParticleSystem<D>::rebuild(const Real* x, Real t) {
   motion_.restart(MotionSince::list_rebuild);
+  follow_shear(t);
   if (has_ghosts()) find_ghosts(x);
   const LogScope log(LogEvent::lists);
   ranks_.together([&] { neighbours_.rebuild(topology_, walls_, has_ghosts() ? x_.data() : x, t); });
@@ -154,6 +157,7 @@ void ParticleSystem<D>::set_box(const Box<D>& box) {
   for (int k = 0; k < D; ++k)
     if (box.periodic(k) != box_.periodic(k))
       throw InputError("a box stays periodic, or open, in each direction: direction {} of the new box differs", k);
+  check_no_shear();
   check_walls(box, walls_);
   replace_box(box);
   invalidate_lists();
@@ -162,6 +166,7 @@ void ParticleSystem<D>::set_box(const Box<D>& box) {
 template <int D>
 void ParticleSystem<D>::deform(const Mat<D>& f) {
   if (walls_.size() > 0) throw InputError("walls do not follow a box that deforms; leave them out");
+  check_no_shear();
   replace_box(box_.deformed(f));
   neighbours_.deform(box_.origin(), f);
   motion_.lose();
@@ -175,6 +180,49 @@ void ParticleSystem<D>::replace_box(const Box<D>& box) {
 }
 
 template <int D>
+void ParticleSystem<D>::shear_at(Real rate, std::int64_t shortened_by) {
+  if (!std::isfinite(rate)) throw InputError("the shear rate is {}; it must be finite", rate);
+  check_no_shear();
+  if (walls_.size() > 0) throw InputError("walls do not follow a box that is sheared; leave them out");
+  if (rotates_or_remembers())
+    throw InputError(
+        "particles that rotate and contacts with history do not follow a box that is sheared; use a model without "
+        "friction");
+  unsheared_ = box_;
+  shear_rate_ = rate;
+  shortened_by_ = shortened_by;
+  shear_time_ = 0;
+  replace_box(unsheared_.sheared(0, rate, shortened_by));
+  invalidate_lists();
+}
+
+template <int D>
+void ParticleSystem<D>::follow_shear(Real t) {
+  if (shear_rate_ == 0 || t == shear_time_) return;
+  shear_time_ = t;
+  box_ = unsheared_.sheared(shear_rate_ * t, shear_rate_, shortened_by_);
+  motion_.carry(halo_.set_box(box_));
+  // A function of the time alone, so that a restart decides alike.
+  Mat<D> f = Mat<D>::Identity();
+  f(0, 1) = shear_rate_ * t - shear_rate_ * neighbours_.time_of_rebuild();
+  neighbours_.set_deformation(box_.origin(), f);
+  motion_.lose(MotionSince::list_rebuild);  // counts from the deformed reference
+}
+
+template <int D>
+std::int64_t ParticleSystem<D>::shift_lattice(State& state) {
+  follow_shear(state.t);
+  const auto edges = static_cast<std::int64_t>(std::nearbyint(box_.tilt()[0] / box_.length()[0]));
+  if (edges == 0) return shortened_by_;
+  shortened_by_ += edges;
+  for (Image& image : state.images) image[0] += edges * image[1];
+  box_ = unsheared_.sheared(shear_rate_ * state.t, shear_rate_, shortened_by_);
+  halo_.set_box(box_);
+  invalidate_lists();
+  return shortened_by_;
+}
+
+template <int D>
 void ParticleSystem<D>::take(Topology own) {
   topology_ = std::move(own);
   invalidate_lists();
@@ -184,10 +232,11 @@ void ParticleSystem<D>::take(Topology own) {
 }
 
 template <int D>
-Migration ParticleSystem<D>::sort(State& state) {
+Migration ParticleSystem<D>::sort(State& state, std::span<Real> predicted) {
   const LogScope log(LogEvent::sort);
   if (tune_skin_ && sort_due()) neighbours_.set_skin(best_skin());
-  if (!box_.open()) wrap(state);
+  follow_shear(state.t);
+  if (!box_.open()) wrap(state, predicted);
   Migration migration = plan_migration<D>(ranks_, topology_, state.x().data());
   move_history(migration);
   migration.move(topology_);
@@ -201,13 +250,18 @@ Migration ParticleSystem<D>::sort(State& state) {
 }
 
 template <int D>
-void ParticleSystem<D>::wrap(State& state) const {
+void ParticleSystem<D>::wrap(State& state, std::span<Real> predicted) const {
   state.images.resize(static_cast<std::size_t>(topology_.owned()));
   for (Index m = 0; m < topology_.owned(); ++m) {
     const Image image = box_.image_of(mean_of_points<D>(state.x().data(), topology_, m));
     if (image == Image{}) continue;
-    const Vec<D> shift = box_.shift(image);
-    for (Index i = topology_.offset[m]; i < topology_.offset[m + 1]; ++i) point<D>(state.x().data(), i) -= shift;
+    const Vec<D> shift = box_.shift(image), velocity = box_.shift_velocity(image);
+    for (Index i = topology_.offset[m]; i < topology_.offset[m + 1]; ++i) {
+      point<D>(state.x().data(), i) -= shift;
+      if (!box_.flow().flows()) continue;
+      point<D>(state.v().data(), i) -= velocity;
+      if (!predicted.empty()) point<D>(predicted.data(), i) -= velocity;
+    }
     for (int k = 0; k < D; ++k) state.images[m][k] += image[k];
   }
 }
@@ -233,6 +287,13 @@ template <int D>
 void ParticleSystem<D>::check(const Walls<D>& walls) const {
   check_walls(box_, walls);
   field_->check_walls(walls);
+}
+
+template <int D>
+void ParticleSystem<D>::check_no_shear() const {
+  if (shear_rate_ != 0)
+    throw InputError("the box is sheared at the rate {}, which determines it at all times; it cannot be set",
+                     shear_rate_);
 }
 
 template <int D>
@@ -328,14 +389,16 @@ template <int D>
 StateView<D> ParticleSystem<D>::make_view(const Real* x, const Real* v, Real t) {
   has_found_ = false;
   walls_.prepare(t);
+  follow_shear(t);
   const bool valid = hold(x, t);
   if (!valid) rebuild(x, t);
   neighbours_.widen();
   StateView<D> s{x, v, topology_, neighbours_, walls_, t};
+  s.flow = box_.flow();
   if (has_ghosts()) {
     const LogScope log(LogEvent::halo);
     if (valid) halo_.update_positions(x, x_);
-    if (v != nullptr) halo_.update(v, v_);
+    if (v != nullptr) halo_.update_velocities(v, v_);
     s.x = x_.data();
     if (v != nullptr) s.v = v_.data();
   }

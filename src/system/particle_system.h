@@ -67,8 +67,10 @@ class ParticleSystem final : public ImplicitSystem {
   bool rotates_or_remembers() const { return field_->rotates() || !history_.empty(); }
 
   /// The configuration with neighbour lists that are valid for it, ghosts included. x, v [size()]; v may be null if
-  /// only energies are needed. t matters for moving walls.
-  StateView<D> view(const Real* x, const Real* v, Real t = 0);
+  /// only energies are needed. t matters for walls and boxes that move.
+  StateView<D> view(const Real* x, const Real* v, Real t);
+  /// The same with the box as it is; walls at time 0 unless the box flows.
+  StateView<D> view(const Real* x, const Real* v) { return view(x, v, shear_time_); }
   /// The same where the last accelerations were found, which saves looking whether the lists hold.
   StateView<D> last_view(const Real* x, const Real* v, Real t) { return make_view(x, v, t); }
 
@@ -84,18 +86,30 @@ class ParticleSystem final : public ImplicitSystem {
   const Real* with_ghosts(const Real* own, std::vector<Real>& storage) const;
 
   /// Builds ghosts and lists from x, which becomes their reference.
-  void rebuild(const Real* x, Real t = 0);
+  void rebuild(const Real* x, Real t);
+  void rebuild(const Real* x) { rebuild(x, shear_time_); }
 
   /// Other walls, or walls that move otherwise from now on. The same on every rank. Errors: InputError for walls that
   /// the box cannot have or the model is not defined for.
   void set_walls(Walls<D> walls);
 
   /// Another periodic box, for particles at other places: a compression or a shear. The same on every rank. Errors:
-  /// InputError for an open box, or walls that the box cannot have.
+  /// InputError for an open box, walls that the box cannot have, and a box that is sheared at a rate.
   void set_box(const Box<D>& box);
   /// The box follows r → origin + F (r − origin). The lists remain valid if the caller's particles follow it too, up to
   /// small displacements. The same on every rank. Errors: InputError as of Box::deformed, and for a system with walls.
   void deform(const Mat<D>& f);
+
+  /// From now on the box is sheared at this rate: at time t it is the present box after simple shear by rate · t, in
+  /// which edge 1 is shortened by a number of edges 0 (Box::sheared). Images and the fluid of the drag follow the flow
+  /// (Box::flow), and so must the velocities of the particles. The same on every rank. Errors: InputError for a box
+  /// that is open in a direction, one that is sheared at a rate already, a system with walls, and particles that rotate
+  /// or contacts with history.
+  void shear_at(Real rate, std::int64_t shortened_by = 0);
+  /// Describes the lattice at the time of the state by the edge 1 with the smallest tilt; the images in the state are
+  /// counted by it. Nothing else changes, except that the lists will be rebuilt. Returns by how many edges 0 the edge
+  /// is shortened in all. The same on every rank.
+  std::int64_t shift_lattice(State& state);
 
   /// Coefficients of the force field have changed, but neither its lists nor what its contacts remember: numbers that
   /// terms have stored of elements of the lists are forgotten. The same on every rank.
@@ -111,11 +125,13 @@ class ParticleSystem final : public ImplicitSystem {
   bool migration_due() const { return migration_due_; }
 
   /// Sorts particles in space, moves them to the ranks where they belong and builds the lists; in a periodic box, wraps
-  /// particles that have left it first. The caller applies the returned migration to its data per particle.
-  Migration sort(State& state);
+  /// particles that have left it first, `predicted` as in wrap(). The caller applies the returned migration to its data
+  /// per particle.
+  Migration sort(State& state, std::span<Real> predicted = {});
 
-  /// Wraps owned particles whose centres have left the periodic box, and counts the box lengths.
-  void wrap(State& state) const;
+  /// Wraps owned particles whose centres have left the periodic box, and counts the box lengths. In a box that flows
+  /// their velocities change, and so do other velocities of them, `predicted` [size() or 0].
+  void wrap(State& state, std::span<Real> predicted = {}) const;
 
   /// Lets sort() choose the skin from the use of the lists.
   void tune_skin() { tune_skin_ = true; }
@@ -143,6 +159,9 @@ class ParticleSystem final : public ImplicitSystem {
  private:
   void check(const Walls<D>& walls) const;
   void replace_box(const Box<D>& box);
+  /// Brings a box that is sheared at a rate to time t.
+  void follow_shear(Real t);
+  void check_no_shear() const;
   void check_points() const;
   /// A place on the substrate would have to jump with the particle.
   void check_places() const;
@@ -175,6 +194,9 @@ class ParticleSystem final : public ImplicitSystem {
 
   Ranks ranks_;
   Box<D> box_;
+  Box<D> unsheared_;  ///< of a box that is sheared at a rate, at time 0
+  Real shear_rate_ = 0, shear_time_ = 0;
+  std::int64_t shortened_by_ = 0;
   Topology topology_;
   Walls<D> walls_;
   std::unique_ptr<ForceField<D>> field_;

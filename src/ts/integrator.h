@@ -57,7 +57,7 @@ class Integrator {
   /// Whether the last evaluation of every step is at its end, so that an observer gets the rates without another
   /// evaluation.
   virtual bool first_same_as_last() const = 0;
-  /// Whether it carries numbers from step to step for each coordinate: an observer that sorts the state
+  /// Whether it carries velocities from step to step, one for each coordinate: an observer that sorts the state
   /// sorts them too, and a restart that is bit for bit needs it.
   virtual bool carries() const { return false; }
   virtual std::span<const Real> carried() const { return {}; }

@@ -1,11 +1,17 @@
 """The scenarios pack and shear: known counts of contacts, paths, work, moduli, restart, refusals."""
 
+import signal
 import subprocess
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import PROGRAM, Results, assert_same_runs, pliant
+from conftest import PROGRAM, Results, assert_same_runs, end, pliant, start, wait_for
 from test_parallel import mpi_environment
+
+
+PLOTS = Path(__file__).resolve().parents[2] / "python" / "plots"
 
 
 def pack(folder, **options):
@@ -77,6 +83,67 @@ def test_moduli_and_modes(tmp_path):
     assert (np.abs(modes[:2]) < 1e-4).all() and (modes[2:] > 1e-2).all() and np.isnan(s["bulk_modulus"][0])
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_zero_modes_of_polygons_without_bending(seed, tmp_path):
+    """Each contact, edge and area removes a mode of a packing without pre-stress, but for one state of self-stress: the forces
+    themselves. Of the modes with pre-stress only the translations are zero, and a few of the lowest are quartic without it."""
+    options = {"n": 8, "model": "rough", "n_vertices": 10, "k_b": 0, "pressure": 1e-4, "start_pressure": 1e-2, "modes": 160, "seed": seed}
+    run = pack(tmp_path / "run", pre_stress="dropped", **options)
+    s = run.summary
+    frequencies = np.abs(run.series["frequencies"][-1])
+    frequencies = np.sort(frequencies[np.isfinite(frequencies)])
+    zero = s["backbone"] * (10 - 1) - s["contacts"] + 1
+    assert len(frequencies) == 2 * 10 * s["backbone"] and 8 < zero < 60
+    assert frequencies[zero - 1] < 1e-6 < 1e-3 < frequencies[zero]
+    kept = np.abs(pack(tmp_path / "kept", **options).series["frequencies"][-1])
+    assert (np.sort(kept[np.isfinite(kept)])[:3] < [1e-6, 1e-6, np.inf]).all() and np.sort(kept)[2] > 1e-5
+
+
+def test_modes_in_frames_and_pictures(tmp_path):
+    """Stored displacements are the eigenvectors of their frequencies: orthogonal with the masses. Scripts draw the run."""
+    for model in ({}, {"model": "rough", "n": 6, "n_vertices": 8, "pressure": 1e-2, "start_pressure": 1e-2}):
+        run = pack(tmp_path / str(len(model)), **{"pressure": 1e-3, "modes": 96 if model else 64, **model})
+        modes = run.frames[-1]["modes"].reshape(len(run.frames[-1]["positions"]), 20, 2)
+        assert np.linalg.norm(modes, axis=2).max(0) == pytest.approx(1) and (run.frames[0]["modes"] == 0).all()
+        mass = np.repeat(run.topology["mass"] / np.diff(run.topology["offset"]), np.diff(run.topology["offset"]))
+        overlaps = np.einsum("pka,p,pla->kl", modes, mass, modes)
+        size = np.sqrt(np.diag(overlaps))
+        assert np.abs(overlaps / np.outer(size, size) - np.eye(20)).max() < 1e-9
+        for script, options in (("packing.py", []), ("packing.py", ["--mode", "3"]), ("density_of_states.py", [])):
+            picture = tmp_path / "picture.png"
+            result = subprocess.run(["/usr/bin/python3", PLOTS / script, tmp_path / str(len(model)), *options, "-o", picture],
+                                    encoding="utf-8", capture_output=True)
+            assert result.returncode == 0 and picture.stat().st_size > 10000, result.stderr
+            picture.unlink()
+    for script, options, message in (("packing.py", ["--mode", "21"], "mode 21"), ("packing.py", ["--mode", "0"], "mode 0")):
+        result = subprocess.run(["/usr/bin/python3", PLOTS / script, tmp_path / "0", *options, "-o", tmp_path / "x.png"],
+                                encoding="utf-8", capture_output=True)
+        assert result.returncode != 0 and message in result.stderr
+    few = pack(tmp_path / "few", pressure=1e-2, start_pressure=1e-2, modes=4)
+    assert few.frames[-1]["modes"].shape == (32, 8)
+    result = subprocess.run(["/usr/bin/python3", PLOTS / "density_of_states.py", tmp_path / "few", "-o", tmp_path / "x.png"],
+                            encoding="utf-8", capture_output=True)
+    assert result.returncode != 0 and "needs all of them" in result.stderr
+
+
+def test_deep_overlaps_are_refused(tmp_path):
+    for options in ({"fraction": 3}, {"fraction": 2.9, "path": "quench"}):
+        result = pliant("pack", output=tmp_path / "run", n=32, **options)
+        assert result.returncode == 2 and "-fraction" in result.stderr, result.stderr
+
+
+def test_shares_of_the_particles_of_the_stress(tmp_path):
+    """The sum over all particles is the stress, whose trace is the pressure; a rattler has no share."""
+    for options in ({"pressure": 1e-4}, {"dim": 3, "pressure": 1e-3},
+                    {"n": 6, "model": "smooth", "n_vertices": 10, "pressure": 1e-2, "start_pressure": 1e-2}):
+        run = pack(tmp_path / str(len(options)), **options)
+        shares = run.frames[-1]["particle_stress"]
+        assert shares.sum(0) == pytest.approx(run.series["stress"][-1], rel=1e-9, abs=1e-12)
+        assert shares.shape[0] == len(run.topology["sigma"]) and (shares[:, 0] <= 1e-12).mean() > 0.7
+    loose = pack(tmp_path / "loose", path="quench", fraction=0.5)
+    assert np.abs(loose.frames[-1]["particle_stress"]).max() < 1e-9
+
+
 def test_restart_goes_on_with_the_same_bits(tmp_path):
     whole = pack(tmp_path / "whole", pressure=1e-4, model="rough", n=4, n_vertices=8, start_pressure=1e-2)
     part = tmp_path / "part"
@@ -84,6 +151,24 @@ def test_restart_goes_on_with_the_same_bits(tmp_path):
     result = pliant("pack", restart=part, pressure=1e-4)
     assert result.returncode == 0, result.stderr
     assert_same_runs(whole, Results(part))
+
+
+def test_a_stop_request_interrupts_a_packing(tmp_path):
+    """The run, which makes one packing, stops in the middle of it; the same command resumes with the same bits."""
+    options = {"n": 2500, "pressure": 1e-3, "start_pressure": 1e-3}
+    whole = pack(tmp_path / "whole", **options)
+    part = tmp_path / "part"
+    child = start("pack", output=part, **options)
+    wait_for((part / "checkpoint-a.h5").exists, child)
+    time.sleep(0.3)
+    end(child, signal.SIGTERM)
+    assert child.returncode == 75 and Results(part).summary["t"] == 0
+    result = pliant("pack", output=part, **options)
+    assert result.returncode == 0, result.stderr
+    resumed = Results(part)
+    for run in (whole, resumed):
+        del run.summary["list_rebuilds"]  # counts those of the interrupted packing, too
+    assert_same_runs(whole, resumed)
 
 
 def test_restart_of_a_finished_run_keeps_its_results(tmp_path):

@@ -1,8 +1,13 @@
 // Second derivatives against differences of forces and energies.
 #include <catch2/catch.hpp>
 
+#include <cmath>
+#include <functional>
+#include <utility>
+
 #include <pliant/jamming/backbone.h>
 #include <pliant/jamming/stiffness.h>
+#include <pliant/model/polygon.h>
 
 #include "jamming/packing.h"
 
@@ -126,9 +131,69 @@ TEST_CASE("without pre-stress contacts are springs at rest", "[stiffness]") {
     expected += k * stretch * stretch.transpose();
   });
   CHECK((MatrixXd(springs.matrix()) - expected).norm() < 1e-12 * expected.norm());
-  const Packing<2> polygons(polygon_rows(random, 3, 1), {}, ModelKind::rough);
-  auto other = polygons.system();
-  CHECK_THROWS_WITH(Stiffness<2>(other, polygons.x, PreStress::dropped), Contains("keep it"));
+  Configuration<2> walled;
+  walled.add_soft(1, {0, 0.3});
+  walled.walls.add(Solid<2>::half_space({0, -0.1}, {0, 1}));
+  auto other = system_of<2>(walled, ModelKind::sp, Ranks(), parameters, {}, pliant::Vec<2>::Zero());
+  CHECK_THROWS_WITH(Stiffness<2>(other, walled.x, PreStress::dropped), Contains("term wall cannot be dropped"));
+}
+
+TEST_CASE("without pre-stress polygons are springs at rest", "[stiffness]") {
+  // Σ V''(q) ∇q ∇qᵀ of all contacts, edges, areas and angles q, by differences of q.
+  ModelParameters p = parameters;
+  p.k_b = 0.3;
+  p.rough_edges = false;
+  const Packing<2> cell = octagons(ModelKind::rough, p);
+  auto system = cell.system();
+  const MatrixXd found = MatrixXd(Stiffness<2>(system, cell.x, PreStress::dropped).matrix());
+  const Topology& t = cell.topology;
+  const auto vertex = [&](const std::vector<Real>& x, Index i) { return point<2>(x.data(), i); };
+  using Measure = std::function<Real(const std::vector<Real>&)>;
+  std::vector<std::pair<Real, Measure>> springs;  // V'' and q
+  for (Index m = 0; m < t.particles(); ++m) {
+    springs.emplace_back(p.k_a, [&, m](const auto& x) { return polygon_area(x.data(), t, m); });
+    for (Index i = t.offset[m]; i < t.offset[m + 1]; ++i) {
+      const Index j = t.next[i], k = t.next[j];
+      const Real vertices = t.points_of(m);
+      springs.emplace_back(p.k_l * vertices, [&, i, j](const auto& x) { return (vertex(x, j) - vertex(x, i)).norm(); });
+      const auto angle = [&, i, j, k](const auto& x) {
+        const pliant::Vec<2> u = vertex(x, j) - vertex(x, i), w = vertex(x, k) - vertex(x, j);
+        return std::atan2(u[0] * w[1] - u[1] * w[0], u.dot(w));
+      };
+      springs.emplace_back(p.k_b / (vertices * square(t.l0[m])) * std::cos(angle(cell.x)), angle);
+    }
+  }
+  Index contacts = 0;
+  for (Index i = 0; i < t.points(); ++i)
+    for (Index j = 0; j < i; ++j) {
+      if (t.particle[i] == t.particle[j]) continue;
+      const Real reach = (t.diameter[i] + t.diameter[j]) / 2;
+      const Image image = [&] {
+        Image n{};
+        const pliant::Vec<2> r = vertex(cell.x, i) - vertex(cell.x, j);
+        for (int k = 0; k < 2; ++k) n[k] = static_cast<std::int64_t>(std::nearbyint(r[k] / cell.box.length()[k]));
+        return n;
+      }();
+      const pliant::Vec<2> shift = cell.box.shift(image);
+      const auto distance = [&, i, j, shift](const auto& x) { return (vertex(x, i) - vertex(x, j) - shift).norm(); };
+      if (distance(cell.x) >= reach) continue;
+      ++contacts;
+      springs.emplace_back(p.epsilon / square(reach), distance);
+    }
+  CHECK(contacts > 4);
+  MatrixXd expected = MatrixXd::Zero(found.rows(), found.cols());
+  for (const auto& [stiffness, q] : springs) {
+    VectorXd gradient(found.rows());
+    constexpr Real h = 1e-6;
+    for (Index k = 0; k < gradient.size(); ++k) {
+      std::vector<Real> up = cell.x, down = cell.x;
+      up[k] += h;
+      down[k] -= h;
+      gradient[k] = (q(up) - q(down)) / (2 * h);
+    }
+    expected += stiffness * gradient * gradient.transpose();
+  }
+  CHECK((found - expected).norm() < 1e-7 * expected.norm());
 }
 
 }  // namespace pliant::test::stiffness_test

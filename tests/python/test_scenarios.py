@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import pliant
+from pliant import analysis
 from conftest import PROGRAM, ROOT, apps
 
 
@@ -334,7 +335,8 @@ def test_the_types_are_clean_for_mypy(tmp_path):
     if subprocess.run([*mypy, "--version"], capture_output=True).returncode != 0:
         pytest.skip("no mypy")
     good, bad = tmp_path / "good.py", tmp_path / "bad.py"
-    good.write_text("import pliant\nrun: pliant.Run = pliant.hopper(n=3, model='sp', output='x', ts_type='rk')\n", encoding="utf-8")
+    good.write_text("import pliant\nrun: pliant.Run = pliant.hopper(n=3, model='sp', output='x', ts_type='rk')\n"
+                    "many: pliant.Ensemble = pliant.pack(n=8, ensemble=3, output='y')\n", encoding="utf-8")
     bad.write_text("import pliant\npliant.hopper(n='a')\npliant.raft(model=3)\n", encoding="utf-8")
     def check(file):
         return subprocess.run([*mypy, "--cache-dir=/dev/null", "--follow-imports=silent", str(file)], capture_output=True,
@@ -357,3 +359,26 @@ def test_a_default_may_be_repeated(tmp_path):
     pliant.channel(**options, distribution="T4", output=tmp_path / "run")
     with pytest.raises(pliant.InputError, match="-distribution with -radii"):
         pliant.channel(**options, distribution="T1", output=tmp_path / "other")
+
+
+def test_motion_between_frames_of_a_sheared_box(tmp_path):
+    """D²_min from frames before and after the lattice was described by another edge, against positions that nothing has
+    wrapped; displacements are those of the velocities."""
+    run = pliant.shear(n=40, path="quench", fraction=0.9, shear_rate=0.05, strain=1.6, frame_interval=0.5, quiet=True,
+                       output=tmp_path / "run")
+    frames = [f for f in run.frames if 0.4 < f.attribute("strain") < 0.6]
+    before, after = frames[0], frames[-1]
+    assert after.attribute("edge_shortened_by") - before.attribute("edge_shortened_by") == 1
+    assert after.followed_lattice[1, 0] == pytest.approx(after.attribute("strain") * after.box[1, 1])
+    parts = [analysis.Particles(f.unwrapped_centres, box=f.box, tilt=[f.attribute("strain") * f.box[1, 1]])
+             for f in (before, after)]
+    found, expected = analysis.d2_min(before, after), analysis.d2_min(*parts)
+    assert found[0] == pytest.approx(expected[0], abs=1e-12) and np.array_equal(found[1], expected[1])
+    assert 1e-4 < np.median(found[0]) < 5
+    one, other = run.frames[10], run.frames[11]
+    step = other.time - one.time
+    moved = other.displacements(one)
+    # A particle in another image has the velocity of that image.
+    shift = one.images @ one.followed_lattice
+    mean = (one.velocities + other.velocities) / 2 + 0.05 * np.stack([shift[:, 1], 0 * shift[:, 1]], 1)
+    assert np.abs(moved - step * mean).max() < 0.05

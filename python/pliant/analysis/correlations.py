@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from .neighbours import _check_distance, _tree
+from .neighbours import _check_distance, close_pairs
 from .sources import each, extent
 
 _BLOCK = 64  # particles
@@ -25,20 +25,21 @@ def radial_distribution(particles, r_max=None, bins=100, region=None, box=None, 
         if edges is None:
             if r_max is None:
                 r_max = 10 * part.radii[part.active].mean() if part.radii is not None else size.min() / 4
-                r_max = min(r_max, part.period.min() / 2)
+                r_max = min(r_max, part.half_lattice)
             edges = np.linspace(0, r_max, bins + 1)
         _check_distance(part, edges[-1], "r_max")
-        tree, present = _tree(part)
-        places = part.positions[present]
+        places = part.positions[part.active]
         open_ = ~np.isfinite(part.period)
         inside = ((places >= corners[0]) & (places <= corners[1]))[:, open_].all(1)
         first = inside & ((places - corners[0] >= edges[-1]) & (corners[1] - places >= edges[-1]))[:, open_].all(1)
         if not first.any():
             raise ValueError(f"no particle is r_max = {edges[-1]:g} inside the region of size {size}; give a smaller r_max, or "
                              "a larger region=(lower corner, upper corner)")
-        pairs = tree.query_pairs(edges[-1], output_type="ndarray")
-        distance = np.linalg.norm(part.relative(present[pairs[:, 0]], present[pairs[:, 1]]), axis=1)
-        counts = counts + np.histogram(distance, edges, weights=first[pairs].sum(1))[0]
+        pairs = close_pairs(part, edges[-1])
+        distance = np.linalg.norm(part.relative(*pairs.T), axis=1)
+        begins = np.zeros(part.count)
+        begins[part.active] = first
+        counts = counts + np.histogram(distance, edges, weights=begins[pairs].sum(1))[0]
         # The centre itself is one of the particles in a periodic box, and absent from its own shells.
         others = inside.sum() - (0 if open_.any() else 1)
         wanted = wanted + first.sum() * others / size.prod()
@@ -78,6 +79,7 @@ def structure_factor(particles, k_max=None, bins=100, per_bin=10, region=None, b
     regions S of the smallest k contains the shape of the region."""
     total, parts, k = 0.0, 0, None
     for part in each(particles, box=box, radii=radii):
+        part.upright("structure_factor")
         corners = extent(part, region)
         places = part.positions[part.active]
         open_ = ~np.isfinite(part.period)

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from .. import nonaffine
-from ..run import Frame, nearest_image
+from ..run import Frame
 from .neighbours import nearest, within
 from .particles import Particles
 from .sources import several
@@ -83,27 +83,64 @@ def mean_squared_displacement(source, times=None, reinsertions=None, lags=None, 
 
 def displacements(before, after, box=None):
     """[N, D] displacements between two frames of a run, or two arrays [N, D] or Particles; NaN for particles that are absent in
-    one of them, or were reinserted in between. Arrays in a periodic box: less than half of it."""
+    one of them, or were reinserted in between. Arrays and Particles in a periodic box: less than half of it, relative to the
+    strain of the box from one to the other."""
     if isinstance(before, Frame) and isinstance(after, Frame):
         return after.displacements(before)
     before, after = (Particles.of(one, box=box) for one in (before, after))
     if before.positions.shape != after.positions.shape:
         raise ValueError(f"the positions have the shapes {list(before.positions.shape)} and {list(after.positions.shape)}; give "
                          "the same particles in the same order")
-    moved = nearest_image(after.positions - before.positions, before.period)
+    strained = _strained(before, before.lattice, after.lattice)
+    moved = strained + after.nearest_image(after.positions - strained) - before.positions
     return np.where((before.active & after.active)[:, None], moved, np.nan)
+
+
+def _strained(particles, before, after):
+    """[N, D] positions that have followed the box about its origin, from one lattice [D, D] to another."""
+    if particles.box is None or np.array_equal(before, after):
+        return particles.positions
+    origin = particles.box[0]
+    return origin + np.linalg.solve(before.T, (particles.positions - origin).T).T @ after
+
+
+def _lattices(before, after, box):
+    """The lattices [D, D] of two moments, the edges of the second the ones that the edges of the first have become."""
+    if isinstance(before, Frame) and isinstance(after, Frame):
+        if before.box is None:
+            return None
+        return before.followed_lattice, after.followed_lattice
+    before, after = (Particles.of(one, box=box) for one in (before, after))
+    return None if before.box is None else (before.lattice, after.lattice)
+
+
+def _changes(before, after, neighbours, moved, box):
+    """[M, D] change of the vectors from the first to the second particle of each pair of neighbours in `before`, whose
+    displacements are `moved` [N, D]. Images move with the lattice."""
+    change = moved[neighbours.second] - moved[neighbours.first]
+    lattices = _lattices(before, after, box)
+    if lattices is None or np.array_equal(*lattices):
+        return change
+    place = before.unwrapped_centres if isinstance(before, Frame) else Particles.of(before, box=box).positions
+    apart = neighbours.vectors - (place[neighbours.second] - place[neighbours.first])
+    return change + np.round(np.linalg.solve(lattices[0].T, apart.T).T) @ (lattices[1] - lattices[0])
 
 
 def _bundles(before, after, neighbours, box):
     """(Neighbours, [M, D] vectors before, [M, D] after, [M] bool: both particles were there and not reinserted)."""
     moved = displacements(before, after, box)
     if neighbours is None:
-        there = np.isfinite(moved).all(1)
-        part = Particles.of(before, box=box)
-        neighbours = nearest(Particles(np.where(there[:, None], part.positions, 0.0), box=part.box, active=there), 15)
-    change = moved[neighbours.second] - moved[neighbours.first]
+        neighbours = nearest(_present(before, moved, box), 15)
+    change = _changes(before, after, neighbours, moved, box)
     known = np.isfinite(change).all(1)
     return neighbours, neighbours.vectors, neighbours.vectors + np.where(known[:, None], change, 0.0), known
+
+
+def _present(before, moved, box):
+    """The particles of `before` that have displacements."""
+    there = np.isfinite(moved).all(1)
+    part = Particles.of(before, box=box)
+    return Particles(np.where(there[:, None], part.positions, 0.0), box=part.box, tilt=part.tilt, active=there)
 
 
 def d2_min(before, after, neighbours=None, box=None):
@@ -150,9 +187,8 @@ def non_affine_displacements(before, after, width, box=None):
     neighbours are even on all sides; D²_min is free of strain at borders, too."""
     moved = displacements(before, after, box)
     there = np.isfinite(moved).all(1)
-    part = Particles.of(before, box=box)
-    near = within(Particles(np.where(there[:, None], part.positions, 0.0), box=part.box, active=there), 4 * width)
+    near = within(_present(before, moved, box), 4 * width)
     weight = np.exp(-(near.vectors**2).sum(1) / (2 * width**2))
     filled = np.where(there[:, None], moved, 0.0)
-    total = filled + near.sums(weight[:, None] * filled[near.second])
-    return np.where(there[:, None], filled - total / (1 + near.sums(weight))[:, None], np.nan)
+    mean = near.sums(weight[:, None] * _changes(before, after, near, filled, box)) / (1 + near.sums(weight))[:, None]
+    return np.where(there[:, None], -mean, np.nan)

@@ -56,25 +56,48 @@ def neighbours_of(particles, first, second, weights=None):
     return Neighbours(particles.count, one, other, particles.relative(one, other), np.tile(weights, 2)[order])
 
 
-def _tree(particles):
-    """(cKDTree of the present particles, their numbers), periodic as the box."""
+def _places(particles, distance):
+    """(cKDTree, [M] particle of each of its places): the present particles first, then, in a tilted box, all images of them up to
+    `distance` from the cell. In an upright box the tree is periodic, and there are no images in it."""
     present = np.flatnonzero(particles.active)
     places = particles.positions[present]
     closed = np.isfinite(particles.period)
     if not closed.any():
         return cKDTree(places), present
     origin, period = particles.box[0], np.where(closed, particles.period, 0.0)
+    if particles.tilt is not None:
+        return _images(places - origin, present, particles, distance)
     shifted = np.where(closed, places - origin, places)
     wrapped = np.where(closed, shifted - np.where(closed, period, 1) * np.floor(shifted / np.where(closed, period, 1)), shifted)
     wrapped = np.where(closed & (wrapped >= period), 0.0, wrapped)  # rounding
     return cKDTree(wrapped, boxsize=period), present
 
 
+def _images(places, present, particles, distance):
+    """`_places` of a tilted box whose cell begins at 0."""
+    edges, period = particles.lattice, particles.period
+    for axis in reversed(range(particles.dim)):
+        places = places - np.floor(places[:, axis:axis + 1] / period[axis]) * edges[axis]
+    most = np.ceil((distance + period) / period).astype(int)
+    for axis in reversed(range(particles.dim - 1)):  # the tilt moves images along the axes before it
+        most[axis] += int(np.ceil(np.abs(edges[axis + 1:, axis]) @ most[axis + 1:] / period[axis]))
+    all_places, of = [places], [present]
+    for n in np.ndindex(*(2 * most + 1)):
+        shift = (np.array(n) - most) @ edges
+        if np.array_equal(np.array(n), most) or not (np.abs(shift) <= period + distance).all():
+            continue
+        moved = places + shift
+        near = ((moved >= -distance) & (moved <= period + distance)).all(1)
+        all_places.append(moved[near])
+        of.append(present[near])
+    return cKDTree(np.concatenate(all_places)), np.concatenate(of)
+
+
 def _check_distance(particles, distance, name="distance"):
     if not (np.isfinite(distance) and distance > 0):
         raise ValueError(f"{name} is {distance:g}; give a positive length")
-    if distance > particles.period.min() / 2:
-        raise ValueError(f"{name} is {distance:g} and half the periodic box {particles.period.min() / 2:g}; give less, because "
+    if distance > particles.half_lattice:
+        raise ValueError(f"{name} is {distance:g} and half the periodic box {particles.half_lattice:g}; give less, because "
                          "a particle has one image in this range only")
 
 
@@ -82,9 +105,10 @@ def close_pairs(particles, distance):
     """[K, 2] pairs of present particles with centres at most `distance` apart, each once, lower number first."""
     particles = Particles.of(particles)
     _check_distance(particles, distance)
-    tree, present = _tree(particles)
-    pairs = np.sort(present[tree.query_pairs(distance, output_type="ndarray")].reshape(-1, 2), axis=1)
-    return pairs[np.lexsort(pairs.T[::-1])]
+    tree, particle = _places(particles, distance)
+    pairs = tree.query_pairs(distance, output_type="ndarray").reshape(-1, 2)
+    pairs = np.sort(particle[pairs[pairs.min(1) < particles.active.sum()]], axis=1)  # one of them is no image
+    return np.unique(pairs, axis=0) if particles.tilt is not None else pairs[np.lexsort(pairs.T[::-1])]
 
 
 def within(particles, distance):
@@ -97,18 +121,19 @@ def nearest(particles, count):
     """The `count` nearest particles of each, by centres, the nearest first; ties have no defined order. ValueError for fewer
     present particles than count + 1, and for a periodic box in which a neighbour is farther than half of it."""
     particles = Particles.of(particles)
-    tree, present = _tree(particles)
-    if not 1 <= count < len(present):
-        raise ValueError(f"{count} neighbours of {len(present)} present particles; give a count from 1 to {len(present) - 1}")
-    distance, index = tree.query(tree.data, count + 1)
+    number = int(particles.active.sum())
+    if not 1 <= count < number:
+        raise ValueError(f"{count} neighbours of {number} present particles; give a count from 1 to {number - 1}")
+    tree, particle = _places(particles, particles.half_lattice)
+    distance, index = tree.query(tree.data[:number], count + 1)
     _check_distance(particles, max(distance.max(), np.finfo(float).tiny), "the distance of the farthest neighbour")
-    rows = np.arange(len(present))
+    rows = np.arange(number)
     # The particle itself is the first, unless others have the same place.
     own = index == rows[:, None]
     own[~own.any(1), -1] = True
     second = index[~own].reshape(-1, count)
-    first = np.repeat(present, count)
-    second = present[second.ravel()]
+    first = np.repeat(particle[:number], count)
+    second = particle[second.ravel()]
     return Neighbours(particles.count, first, second, particles.relative(first, second), np.ones(len(first)))
 
 

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..run import Frame, nearest_image
+from ..run import Frame, lattice, nearest_image
 
 
 def box_of(box, dim):
@@ -22,6 +22,20 @@ def box_of(box, dim):
         raise ValueError(f"box is {box.tolist()}; give the {dim} positive lengths of the periodic box, inf in open "
                          "directions, or [origin, lengths]")
     return box
+
+
+def _tilt_of(tilt, box, dim):
+    """[D(D - 1)/2] tilt factors; None for an upright box."""
+    if tilt is None:
+        return None
+    tilt = np.atleast_1d(np.asarray(tilt, float))
+    if tilt.shape != (dim * (dim - 1) // 2,) or not np.isfinite(tilt).all():
+        raise ValueError(f"tilt is {tilt.tolist()}; give the tilt factors of the box, in {dim}D {dim * (dim - 1) // 2}")
+    if not tilt.any():
+        return None
+    if box is None or not np.isfinite(box[1]).all():
+        raise ValueError(f"tilt is {tilt.tolist()}, but the box is not periodic in all directions; give box=")
+    return tilt
 
 
 def _array(name, values, shape, dtype=float, finite=True):
@@ -44,6 +58,7 @@ class Particles:
     positions: np.ndarray            #: [N, D] centres
     radii: np.ndarray | None = None  #: [N]; a number gives all the same
     box: np.ndarray | None = None    #: [2, D] origin and lengths of a periodic box, or its lengths [D]; inf where open
+    tilt: np.ndarray | None = None   #: [D(D - 1)/2] tilt factors of a periodic box, xy; 3D: xy, xz, yz; default: upright
     velocities: np.ndarray | None = None  #: [N, D]
     masses: np.ndarray | None = None      #: [N]
     volumes: np.ndarray | None = None     #: [N] areas (3D: volumes); default: disks or spheres
@@ -63,7 +78,8 @@ class Particles:
         if not np.isfinite(positions[active]).all():
             row = int(np.flatnonzero(active & ~np.isfinite(positions).all(1))[0])
             raise ValueError(f"particle {row} is at {positions[row]}; set active[{row}] = False for absent particles")
-        given = {"positions": positions, "active": active, "box": box_of(self.box, dim)}
+        box = box_of(self.box, dim)
+        given = {"positions": positions, "active": active, "box": box, "tilt": _tilt_of(self.tilt, box, dim)}
         radii = np.full(count, self.radii, float) if np.ndim(self.radii) == 0 and self.radii is not None else self.radii
         shapes = {"radii": (radii, (count,)), "velocities": (self.velocities, (count, dim)),
                   "masses": (self.masses, (count,)), "volumes": (self.volumes, (count,)),
@@ -88,7 +104,7 @@ class Particles:
                     raise ValueError(f"{name} has {len(given[name])} rows and pairs {len(pairs)}; give one row per contact")
             if self.walls is not None:
                 given["walls"] = _array("walls", self.walls, (len(pairs),), np.int64)
-        for name, values in given.items():
+        for name, values in given.items():  # None: of an open box, or an upright one
             object.__setattr__(self, name, values)
 
     @classmethod
@@ -132,9 +148,35 @@ class Particles:
         """[D] lengths of the periodic box, inf in open directions."""
         return np.full(self.dim, np.inf) if self.box is None else self.box[1]
 
+    @cached_property
+    def lattice(self):
+        """[D, D] edges of the periodic box, one per row; zero in open directions."""
+        return lattice(self.period, self.tilt)
+
+    @cached_property
+    def half_lattice(self):
+        """Half the length of the shortest vector from a place to its image: within this distance a particle has one image."""
+        if self.tilt is None:
+            return self.period.min() / 2
+        # The shortest edge is an upper bound. No shorter vector is longer along any axis.
+        longest = np.linalg.norm(self.lattice, axis=1).min()
+        most = np.ceil(longest / self.period).astype(int)
+        lengths = [longest]
+        for n in np.ndindex(*(2 * most[1:] + 1)):
+            vector = (np.array(n) - most[1:]) @ self.lattice[1:]
+            vector = vector - np.round(vector[0] / self.period[0]) * self.lattice[0]
+            if np.linalg.norm(vector) > 1e-12 * longest:
+                lengths.append(np.linalg.norm(vector))
+        return min(*lengths, self.period[0]) / 2
+
+    def upright(self, analysis):
+        """ValueError for a tilted box, of which `analysis` knows no images."""
+        if self.tilt is not None:
+            raise ValueError(f"{analysis}: the box is tilted by {self.tilt.tolist()}; take a frame of a box without shear")
+
     def nearest_image(self, difference):
         """The shortest of the periodic images of vectors [..., D]."""
-        return nearest_image(difference, self.period)
+        return nearest_image(difference, self.period, self.tilt)
 
     def relative(self, first, second):
         """[…, D] nearest image of the vectors from the particles `first` to the particles `second`."""
@@ -166,20 +208,14 @@ def contact_arrays(table, dim):
             "forces": table[["f" + axis for axis in axes]].to_numpy(), "points": table[list(axes)].to_numpy()}
 
 
-def _upright(frame):
-    """[2, D] box of a frame. Errors: ValueError for a tilted box, whose images these functions do not know."""
-    if frame.box is not None and np.any(frame.tilt != 0):
-        raise ValueError(f"the box of the frame is tilted by {frame.tilt}; take a frame of a box without shear")
-    return frame.box
-
-
 def _of_frame(frame, needed, given):
     """Particles of a frame: fields that every frame has, and those that are needed."""
     run = frame.run
     topology = run.topology
     deformable = topology.deformable
     values = {"positions": frame.centres, "active": frame.active, "radii": topology.sigma / 2, "masses": topology.mass,
-              "volumes": frame.content if deformable and frame.has("area" if run.dim == 2 else "volume") else topology.a0, "box": _upright(frame),
+              "volumes": frame.content if deformable and frame.has("area" if run.dim == 2 else "volume") else topology.a0,
+              "box": frame.box, "tilt": frame.tilt,
               "time": frame.time}
     if "velocities" in needed:
         values["velocities"] = frame.particle_velocities

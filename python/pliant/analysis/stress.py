@@ -177,6 +177,7 @@ def coarse_grained(source, width, spacing=None, region=None):
             raise ValueError(f"{name} is {value:g}; give a positive length")
     grid, totals, count = None, None, 0
     for part in each(source, "masses", "velocities", "pairs", "forces"):
+        part.upright("coarse_grained")
         grid = grid or _Grid(part, width, spacing, region)
         now = _moments(part, grid)
         totals = now if totals is None else [a + b for a, b in zip(totals, now)]

@@ -135,6 +135,7 @@ def voronoi(particles, limit=None, walls=None, box=None, radii=None):
             raise ValueError("walls=True needs a frame of a run; give walls=(segments [S, 4], radius [S])")
         walls = particles.wall_segments, particles.run.geometry.radius
     particles = Particles.of(particles, box=box, radii=radii)
+    particles.upright("voronoi")
     present = np.flatnonzero(particles.active)
     dim = particles.dim
     closed = np.isfinite(particles.period)

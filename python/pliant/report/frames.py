@@ -87,7 +87,7 @@ def units(run):
     """Units of length and time, as in summary.json."""
     if run.scenario == "channel":
         return "cm", "s"
-    return ("R" if run.droplets else "sigma_avg"), ("packings" if run.scenario in ("pack", "shear") else "t0")
+    return ("R" if run.droplets else "sigma_avg"), ("packings" if run.counts_packings else "t0")
 
 
 def force_unit(run):

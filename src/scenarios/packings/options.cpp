@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
+
+#include <fmt/format.h>
 
 #include <pliant/base/errors.h>
 #include <pliant/scenarios/particles/options.h>
@@ -19,8 +22,8 @@ std::vector<ModelDefinition> models() {
 
 }  // namespace
 
-PackingOptions::PackingOptions() : model(models()) {
-  for (const char* term : {"drag", "friction", "wall", "lip"}) model.leave_out(term);
+PackingOptions::PackingOptions(std::initializer_list<std::string_view> unused) : model(models()) {
+  for (const std::string_view term : unused) model.leave_out(term);
   model.set_default(Role::contact_energy, 1.0);
   model.set_default(Role::wall_energy, 1.0);
   model.set_default(Role::area, 10.0);
@@ -75,6 +78,13 @@ void PackingOptions::bind_analysis(Options& o) {
   o.bind(
       "modes", modes,
       {.help = "number of the lowest vibrational modes of each packing in the series", .min = 0, .on_restart = fixed});
+  o.bind(
+      "pre_stress", pre_stress, {{"kept", PreStress::kept}, {"dropped", PreStress::dropped}},
+      {.help =
+           "modes: with the part of the stiffness that is proportional to forces, or as if contacts, edges and areas "
+           "were at rest",
+       .only_with = "-modes",
+       .on_restart = fixed});
 }
 
 void PackingOptions::bind_packing_output(Options& o, const std::string& step) {
@@ -96,6 +106,7 @@ void PackingOptions::refuse_unread(const Options& options) const {
   refuse({"n_vertices", "shape_parameter"}, model.deformable(), "-model " + model.name);
   refuse({"edge_width"}, model.particles() == ModelKind::smooth, "-model " + model.name);
   refuse({"size_ratio", "size_fraction"}, sizes.kind == "bidisperse", "-size_distribution " + sizes.kind);
+  refuse({"pre_stress"}, modes > 0, "-modes 0");
   refuse({"size_deviation"}, sizes.kind == "normal", "-size_distribution " + sizes.kind);
 }
 
@@ -110,7 +121,8 @@ void PackOptions::bind_path(Options& o) {
   o.bind("fraction", fraction,
          {.help = "area or volume fraction of the random start",
           .min = 1e-3,
-          .max = 10,
+          .max = 3,
+          .max_open = true,
           .automatic = "soft particles: 0.9 (3D: 0.7), compress: 0.5 (3D: 0.3); polygons: 0.65 (disks around them)",
           .on_restart = fixed});
   o.bind("pressure", pressure,
@@ -166,27 +178,102 @@ std::vector<Real> PackOptions::pressures() const {
   return all;
 }
 
-ShearOptions::ShearOptions() { pressure = 1e-3; }
+std::string PackOptions::path_text() const {
+  const std::string_view name = path == PackingPath::decompress ? "decompression"
+                                : path == PackingPath::compress ? "compression"
+                                                                : "quench";
+  const std::string end = path == PackingPath::quench ? "" : fmt::format(" to the pressure {:g}", pressure);
+  return fmt::format("{} particles ({}, {}D), {} from the fraction {:.4g}{}", particles, model.name, dim, name,
+                     *fraction, end);
+}
+
+ShearOptions::ShearOptions() : PackOptions({"friction", "wall", "lip"}) {
+  pressure = 1e-3;
+  model.make_automatic(Role::drag, "1 with -shear_rate; else 0");
+}
 
 void ShearOptions::bind(Options& o) {
   constexpr auto fixed = OnRestart::fixed;
   bind_path(o);
   o.group("Shear");
-  o.bind("strain_step", strain_step,
-         {.help = "shear strain of each step", .min = 0, .max = 0.1, .min_open = true, .on_restart = fixed});
+  o.bind("shear_rate", rate,
+         {.help = "steady shear at this rate, with drag relative to the flow",
+          .unit = "1/t0",
+          .min = 0,
+          .min_open = true,
+          .automatic = "quasistatic steps",
+          .on_restart = fixed});
   o.bind("strain", strain,
-         {.help = "shear strain at the end", .min = 0, .max = 100, .min_open = true, .extends = {"strain", "LARGER"}});
+         {.help = "shear strain at the end",
+          .min = 0,
+          .max = 1e6,
+          .min_open = true,
+          .extends = {"strain", "LARGER"},
+          .automatic = "0.1; with -shear_rate 10"});
+  o.bind(
+      "strain_step", strain_step,
+      {.help = "quasistatic: shear strain of each step", .min = 0, .max = 0.1, .min_open = true, .on_restart = fixed});
+  o.bind("cycles", cycles,
+         {.help = "quasistatic: cycles from strain 0 to +strain, to -strain and back to 0; 0: one direction",
+          .min = 0,
+          .max = 1e6,
+          .extends = {"cycles", "MORE"}});
   o.bind("control", control, {{"volume", ShearControl::volume}, {"pressure", ShearControl::pressure}},
-         {.help = "constant during shear: the volume, or the pressure -pressure", .on_restart = fixed});
+         {.help = "quasistatic: constant during shear, the volume or the pressure -pressure", .on_restart = fixed});
+  o.bind("integrator", integrator, {{"verlet", ShearIntegrator::verlet}, {"ts", ShearIntegrator::ts}},
+         {.help = "-shear_rate: velocity Verlet with a fixed step, or PETSc TS (-ts_type, -ts_rtol, ...)",
+          .cures = {{Cure::verlet, "verlet"}, {Cure::ts, "ts"}},
+          .on_restart = fixed});
+  o.bind("dt", dt,
+         {.help = "-shear_rate: step of velocity Verlet, first step of an adaptive method",
+          .unit = "t0",
+          .min = 0,
+          .min_open = true,
+          .cures = {Cure::shorter_step},
+          .automatic = "0.2 of the elastic limit, at most 0.5 of the damping limit",
+          .on_restart = fixed});
+  bind_allowed(o);
   bind_minimisation(o);
   bind_analysis(o);
-  bind_packing_output(o, "packings");
+  bind_output(o, false);
+  o.bind("frame_interval", frames_,
+         {.help = "packings between frames; with -shear_rate time in t0",
+          .min = 0,
+          .min_open = true,
+          .automatic = "1; with -shear_rate a strain of 0.2"});
+  o.bind("sample_interval", samples_,
+         {.help = "packings between samples of the series; with -shear_rate time in t0",
+          .min = 0,
+          .min_open = true,
+          .automatic = "1; with -shear_rate a strain of 0.01"});
 }
 
 void ShearOptions::resolve() {
   PackOptions::resolve();
   if (path == PackingPath::compress)
     throw InputError("-path compress makes an unknown number of packings; use decompress or quench");
+  if (!strain) strain = rate ? 10 : 0.1;
+  sample_interval = samples_.value_or(rate ? 0.01 / *rate : 1);
+  frame_interval = frames_.value_or(rate ? 0.2 / *rate : 1);
+  if (!model.is_set(Role::drag)) model.set(Role::drag, rate ? 1.0 : 0.0);
+  if (!rate)
+    for (const auto& [name, value] :
+         {std::pair("sample_interval", sample_interval), {"frame_interval", frame_interval}})
+      if (!(value >= 1)) throw InputError("-{} {:g}: at least one packing; give 1 or more", name, value);
+}
+
+void ShearOptions::refuse_unread(const Options& options) const {
+  PackingOptions::refuse_unread(options);
+  const auto refuse = [&](std::initializer_list<const char*> names, std::string_view reason) {
+    for (const char* name : names)
+      if (options.given(name)) throw InputError("-{} ({}) {}; leave it out", name, options.source(name), reason);
+  };
+  if (rate)
+    refuse({"strain_step", "cycles", "control", "moduli", "modes", "contact_threshold"},
+           "with -shear_rate, which makes no packings at equilibrium");
+  else
+    refuse({"zeta", "drag", "dt", "integrator", "allow_unstable_dt", "allow_energy_error"},
+           "without -shear_rate: quasistatic shear has no velocities");
 }
 
 }  // namespace pliant

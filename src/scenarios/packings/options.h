@@ -1,10 +1,13 @@
 // Options of the scenarios of packings in a periodic box.
 #pragma once
 
+#include <initializer_list>
 #include <optional>
+#include <string_view>
 #include <vector>
 
 #include <pliant/catalogue/model_choice.h>
+#include <pliant/model/term.h>
 #include <pliant/run/options.h>
 #include <pliant/setup/particles.h>
 
@@ -12,7 +15,8 @@ namespace pliant {
 
 /// Units: σ_avg and the energy ε in which contact energies are given.
 struct PackingOptions : RunOptions {
-  PackingOptions();
+  /// unused: terms of the models that the scenario has no use for.
+  explicit PackingOptions(std::initializer_list<std::string_view> unused = {"drag", "friction", "wall", "lip"});
 
   ModelChoice model;
   int dim = 2;
@@ -25,6 +29,7 @@ struct PackingOptions : RunOptions {
   Real contact_threshold = 1e-5;
   bool moduli = false;
   Index modes = 0;
+  PreStress pre_stress = PreStress::kept;
 
   Index points() const { return model.deformable() ? particles * shape.vertices : particles; }
   /// Errors: InputError for options that the model does not read.
@@ -40,6 +45,8 @@ struct PackingOptions : RunOptions {
 enum class PackingPath { decompress, compress, quench };
 
 struct PackOptions : PackingOptions {
+  using PackingOptions::PackingOptions;
+
   PackingPath path = PackingPath::decompress;
   Real pressure = 1e-6, start_pressure = 1e-2, fraction_step = 1e-3;
   Index per_decade = 1;
@@ -49,19 +56,33 @@ struct PackOptions : PackingOptions {
   void bind_path(Options& options);  ///< the groups before "Minimisation"
   /// The pressures of a decompression, the last one of a compression, or none.
   std::vector<Real> pressures() const;
+  /// The path in a title.
+  std::string path_text() const;
 };
 
 enum class ShearControl { volume, pressure };
 
+enum class ShearIntegrator { verlet, ts };
+
 struct ShearOptions : PackOptions {
   ShearOptions();
 
-  Real strain_step = 1e-3, strain = 0.1;
+  Real strain_step = 1e-3;
+  std::optional<Real> strain;
+  Index cycles = 0;  ///< of oscillatory quasistatic shear; 0: in one direction
   ShearControl control = ShearControl::volume;
+  std::optional<Real> rate;  ///< of steady shear, in 1/t0; nothing: quasistatic steps
+  ShearIntegrator integrator = ShearIntegrator::verlet;
+  std::optional<Real> dt;
 
   void bind(Options& options);
   /// Errors: InputError as of PackOptions, and for a path that does not end at a known packing.
   void resolve();
+  /// Errors: InputError, also for options that only the other kind of shear reads.
+  void refuse_unread(const Options& options) const;
+
+ private:
+  std::optional<Real> samples_, frames_;  ///< intervals, as the user gave them
 };
 
 }  // namespace pliant

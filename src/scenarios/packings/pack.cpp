@@ -17,18 +17,8 @@ PackProtocol<D>::PackProtocol(const PackOptions& p, const Ranks& ranks)
     : PackingProtocol<D>(p, ranks), p_(p), pressures_(p.pressures()) {}
 
 template <int D>
-std::string PackProtocol<D>::path_text() const {
-  const std::string_view path = p_.path == PackingPath::decompress ? "decompression"
-                                : p_.path == PackingPath::compress ? "compression"
-                                                                   : "quench";
-  const std::string end = p_.path == PackingPath::quench ? "" : fmt::format(" to the pressure {:g}", p_.pressure);
-  return fmt::format("{} particles ({}, {}D), {} from the fraction {:.4g}{}", p_.particles, p_.model.name, D, path,
-                     *p_.fraction, end);
-}
-
-template <int D>
 std::string PackProtocol<D>::title() const {
-  return "pack: " + path_text();
+  return "pack: " + p_.path_text();
 }
 
 template <int D>
@@ -74,9 +64,13 @@ template class PackProtocol<2>;
 template class PackProtocol<3>;
 
 Scenario pack_scenario() {
-  return packing_scenario<PackOptions, PackProtocol>(
+  return packing_scenario<PackOptions>(
       "pack", "jammed packings in a periodic box",
-      {"model", "dim", "n", "path", "fraction", "pressure", "force_tolerance", "seed", "output"});
+      {"model", "dim", "n", "path", "fraction", "pressure", "force_tolerance", "seed", "output"},
+      "The time of a run is the number of its packings.",
+      []<int D>(const PackOptions& p, const Ranks& ranks, std::integral_constant<int, D>) {
+        return std::make_unique<PackProtocol<D>>(p, ranks);
+      });
 }
 
 }  // namespace pliant

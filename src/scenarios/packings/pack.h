@@ -26,8 +26,6 @@ class PackProtocol : public PackingProtocol<D> {
  protected:
   void make_next() override;
   void visit_more(Archive& archive) override;
-  /// The path in a title.
-  std::string path_text() const;
   /// Packings of a decompression, or the quench.
   Real steps() const;
 

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include <pliant/base/console.h>
@@ -11,20 +12,16 @@
 #include <pliant/jamming/backbone.h>
 #include <pliant/jamming/modes.h>
 #include <pliant/jamming/saddle.h>
-#include <pliant/model/crossing.h>
 #include <pliant/model/polygon.h>
+#include <pliant/scenarios/packings/measures.h>
 #include <pliant/scenarios/packings/steps.h>
 #include <pliant/setup/streams.h>
 
 namespace pliant {
 namespace {
 
-template <int D>
-Box<D> first_box(const PackingOptions& p, const Topology& all) {
-  Real content = 0;
-  for (const Real a0 : all.a0) content += a0;
-  return {Vec<D>::Zero(), Vec<D>::Constant(std::pow(content / *p.fraction, Real(1) / D))};
-}
+/// Modes whose displacements are in frames: all of a large packing would fill a disk.
+constexpr Index most_drawn = 20;
 
 template <int D>
 std::unique_ptr<Simulation<D>> make_simulation(const PackingOptions& p, const Ranks& ranks) {
@@ -33,17 +30,8 @@ std::unique_ptr<Simulation<D>> make_simulation(const PackingOptions& p, const Ra
   Topology all = make_particles(p.model.particles(), D,
                                 draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)), p.shape);
   ParticleSystem<D> particles({}, {}, p.model.force_field<D>({}), usual_skin(p.model.particles(), D), ranks,
-                              first_box<D>(p, all));
+                              box_of_fraction<D>(all, *p.fraction));
   return std::make_unique<Simulation<D>>(std::move(all), std::move(particles), Sorting::at_start);
-}
-
-/// The upper triangle of a symmetric matrix: xx, xy, yy; in 3D xx, xy, xz, yy, yz, zz.
-template <int D>
-std::vector<Real> upper_triangle(const Mat<D>& m) {
-  std::vector<Real> values;
-  for (int a = 0; a < D; ++a)
-    for (int b = a; b < D; ++b) values.push_back((m(a, b) + m(b, a)) / 2);
-  return values;
 }
 
 /// The disks that hold the polygons: outlines that cross could not be parted by their contacts. Errors: InputError
@@ -71,20 +59,6 @@ void push_disks_apart(const Topology& polygons, const Box<D>& box, std::vector<R
   });
 }
 
-void check_outlines(ParticleSystem<2>& system, const Real* x) {
-  if (!system.topology().deformable()) return;
-  const StateView<2> s = system.view(x, nullptr);
-  const auto id = [&](Index m) { return system.topology().id[m]; };
-  if (const SelfLook look = look_at_own_outlines(s); look.crossing)
-    throw NumericalError("the outline of particle {} crosses itself at the minimum; {}", id(look.crossing->particle),
-                         "raise the stiffness of the particles' shape, or lower the first pressure or fraction");
-  if (const auto crossing = find_crossing(s))
-    throw NumericalError(
-        "a vertex of particle {} lies inside particle {} at the minimum; begin with a lower fraction (-fraction)",
-        id(crossing->particle), id(crossing->other));
-}
-void check_outlines(ParticleSystem<3>&, const Real*) {}
-
 }  // namespace
 
 template <int D>
@@ -93,10 +67,25 @@ PackingProtocol<D>::PackingProtocol(const PackingOptions& p, const Ranks& ranks)
 
 template <int D>
 std::unique_ptr<Integrator> PackingProtocol<D>::make_integrator(Real) {
-  return std::make_unique<PackingSteps>([this](State&) {
-    const std::int64_t before = evaluations_;
-    make_next();
-    return evaluations_ - before;
+  return std::make_unique<PackingSteps>([this](State& s) -> std::optional<std::int64_t> {
+    const std::int64_t evaluations = evaluations_;
+    const std::vector<Real> places(s.x().begin(), s.x().end());
+    const std::vector<Image> images = s.images;
+    const Box<D> box = this->particles().box();
+    const Minimum<D> minimum = minimum_;
+    try {
+      make_next();
+    } catch (const Interrupted&) {
+      std::ranges::copy(places, s.x().begin());
+      s.images = images;
+      this->particles().set_box(box);
+      this->particles().rebuild(places.data());
+      minimum_ = minimum;
+      evaluations_ = evaluations;
+      undo();
+      return {};
+    }
+    return evaluations_ - evaluations;
   });
 }
 
@@ -128,9 +117,15 @@ void PackingProtocol<D>::deform(const Mat<D>& f) {
 }
 
 template <int D>
-MinimiserOptions PackingProtocol<D>::minimiser() const {
+MinimiserOptions PackingProtocol<D>::minimiser() {
   MinimiserOptions options;
   options.max_iterations = p_.max_iterations;
+  interrupted_ = false;
+  if (this->attached())
+    options.stop = [this] {
+      interrupted_ = this->run().stop_requested();
+      return interrupted_;
+    };
   return options;
 }
 
@@ -170,6 +165,7 @@ void PackingProtocol<D>::run_minimiser(const MinimiserOptions& options) {
   constexpr int most_saddles = 20;
   for (int saddles = 0;; ++saddles) {
     minimum_ = minimise<D>(this->particles(), x(), options);
+    if (interrupted_) throw Interrupted();
     evaluations_ += minimum_.evaluations;
     if (!minimum_.converged)
       throw NumericalError(
@@ -189,7 +185,10 @@ void PackingProtocol<D>::run_minimiser(const MinimiserOptions& options) {
 /// Measures the packing, and makes the lists as a restart makes them.
 template <int D>
 void PackingProtocol<D>::finish() {
-  check_outlines(this->particles(), x().data());
+  check_outlines<D>(
+      this->particles(), x().data(), "at the minimum",
+      "begin with a lower fraction (-fraction) or pressure, or raise the stiffness of the particles' shape");
+  check_overlaps<D>(this->particles(), x().data());
   analyse();
   this->particles().wrap(this->state());
   this->particles().rebuild(x().data());
@@ -227,12 +226,21 @@ template <int D>
 void PackingProtocol<D>::find_modes() {
   frequencies_.clear();
   participation_.clear();
+  const auto points = static_cast<std::size_t>(this->topology().owned_points()),
+             width = static_cast<std::size_t>(std::min(p_.modes, most_drawn)) * D;
+  mode_displacements_.assign(points * width, 0);
   if (network_.backbone > 0) {
     const Backbone<D> backbone(this->particles(), network_.rattlers);
     const Index most = network_.backbone * (p_.model.deformable() ? p_.shape.vertices : 1) * D;
-    const Modes found = modes<D>(this->particles(), x(), {.lowest = std::min(p_.modes, most)});
+    const Modes found =
+        pliant::modes<D>(this->particles(), x(), {.lowest = std::min(p_.modes, most), .pre_stress = p_.pre_stress});
     frequencies_ = found.frequencies();
     participation_ = found.participation;
+    for (Index k = 0; k < std::min<Index>(found.vectors.cols(), most_drawn); ++k) {
+      const std::vector<Real> mode = mode_displacements(this->particles(), found, k);
+      for (std::size_t i = 0; i < points; ++i)
+        std::copy_n(&mode[i * D], D, &mode_displacements_[i * width + static_cast<std::size_t>(k) * D]);
+    }
   }
   for (std::vector<Real>* values : {&frequencies_, &participation_})
     values->resize(static_cast<std::size_t>(p_.modes), std::numeric_limits<Real>::quiet_NaN());
@@ -240,14 +248,7 @@ void PackingProtocol<D>::find_modes() {
 
 template <int D>
 Real PackingProtocol<D>::fraction() const {
-  const Topology& t = this->topology();
-  Real content = 0;
-  for (Index m = 0; m < t.owned(); ++m)
-    if constexpr (D == 2)
-      content += t.points_of(m) > 1 ? polygon_area(this->state().x().data(), t, m) : t.a0[m];
-    else
-      content += t.a0[m];
-  return content / this->particles().box().volume();
+  return packing_fraction(this->particles(), this->state().x().data());
 }
 
 template <int D>

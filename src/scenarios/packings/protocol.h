@@ -18,6 +18,8 @@ namespace pliant {
 /// outlines cross, ends the run with an error.
 template <int D>
 class PackingProtocol : public Protocol<D> {
+  struct Interrupted {};
+
  public:
   PackingProtocol(const PackingOptions& p, const Ranks& ranks);
 
@@ -33,11 +35,15 @@ class PackingProtocol : public Protocol<D> {
   void visit(Archive& archive) final;
   void conclude(nlohmann::ordered_json& summary) final;
   void report(const Series& series, nlohmann::ordered_json& summary) final;
+  bool measures_stress() const final { return true; }
+  const std::vector<Real>* modes() const final { return p_.modes > 0 ? &mode_displacements_ : nullptr; }
   std::string progress() const final;
 
  protected:
-  /// Makes the next packing, by the functions below.
+  /// Makes the next packing, by the functions below, which throw Interrupted where the run is to stop.
   virtual void make_next() = 0;
+  /// make_next() was interrupted: the state is as before, and so must be other data.
+  virtual void undo() {}
   virtual void visit_more(Archive& /*archive*/) {}
   virtual void measure(std::vector<SeriesValue>& /*row*/) {}
   virtual void conclude_more(nlohmann::ordered_json& /*summary*/) {}
@@ -60,7 +66,7 @@ class PackingProtocol : public Protocol<D> {
   void find_moduli();
   void find_modes();
   void run_minimiser(const MinimiserOptions& options);
-  MinimiserOptions minimiser() const;
+  MinimiserOptions minimiser();
   /// Of the forces, in ε/σ_avg.
   Real tolerance(Real pressure) const;
   /// Whether second derivatives are measured.
@@ -72,7 +78,9 @@ class PackingProtocol : public Protocol<D> {
   ContactNetwork<D> network_;
   Moduli<D> moduli_;
   std::vector<Real> frequencies_, participation_;  ///< [modes]
+  std::vector<Real> mode_displacements_;           ///< [own points · lowest modes · D], 0 of rattlers
   std::int64_t evaluations_ = 0;
+  bool interrupted_ = false;  ///< a stop request has ended the last minimisation
 };
 
 extern template class PackingProtocol<2>;

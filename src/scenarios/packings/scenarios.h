@@ -7,7 +7,7 @@ namespace pliant {
 
 /// `pack`: packings at given pressures or fractions.
 Scenario pack_scenario();
-/// `shear`: a packing, and quasistatic simple shear of it.
+/// `shear`: a packing, and simple shear of it, in quasistatic steps or at a finite rate.
 Scenario shear_scenario();
 
 }  // namespace pliant

@@ -1,4 +1,4 @@
-// The scenario `shear`: quasistatic simple shear of a packing.
+// The scenario `shear`: simple shear of a packing, in quasistatic steps or at a finite rate.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -8,28 +8,32 @@
 #include <pliant/scenarios/packings/make.h>
 #include <pliant/scenarios/packings/pack.h>
 #include <pliant/scenarios/packings/scenarios.h>
+#include <pliant/scenarios/packings/steady_shear.h>
 
 namespace pliant {
 namespace {
 
 template <int D>
-class ShearProtocol final : public PackProtocol<D> {
+class QuasistaticShear final : public PackProtocol<D> {
  public:
-  ShearProtocol(const ShearOptions& p, const Ranks& ranks) : PackProtocol<D>(p, ranks), p_(p) {}
+  QuasistaticShear(const ShearOptions& p, const Ranks& ranks) : PackProtocol<D>(p, ranks), p_(p) {}
 
   std::string title() const override {
-    return fmt::format("shear: {}; then by steps of {:g} to the strain {:g} at constant {}", this->path_text(),
-                       p_.strain_step, p_.strain, p_.control == ShearControl::volume ? "volume" : "pressure");
+    const std::string cycles = p_.cycles > 0 ? fmt::format("{} times to ±", p_.cycles) : "to ";
+    return fmt::format("shear: {}; then by steps of {:g} {}the strain {:g} at constant {}", p_.path_text(),
+                       p_.strain_step, cycles, *p_.strain, p_.control == ShearControl::volume ? "volume" : "pressure");
   }
-  Real last_time() const override { return this->steps() + std::ceil(p_.strain / p_.strain_step * (1 - 1e-9)); }
-  std::string end_at_last_time() const override { return "strain"; }
+  Real last_time() const override {
+    return this->steps() + static_cast<Real>(p_.cycles > 0 ? 4 * p_.cycles * steps_to_end() : steps_to_end());
+  }
+  std::string end_at_last_time() const override { return p_.cycles > 0 ? "cycles" : "strain"; }
 
  protected:
   void make_next() override {
-    const Real sheared = static_cast<Real>(this->state().step) - this->steps();
+    const auto sheared = this->state().step - static_cast<std::int64_t>(this->steps());
     if (sheared < 0) return PackProtocol<D>::make_next();
     Mat<D> f = Mat<D>::Identity();
-    f(0, 1) = std::min((sheared + 1) * p_.strain_step, p_.strain) - strain_;
+    f(0, 1) = strain_after(sheared + 1) - strain_;
     strain_ += f(0, 1);
     this->deform(f);
     if (p_.control == ShearControl::volume)
@@ -37,9 +41,19 @@ class ShearProtocol final : public PackProtocol<D> {
     else
       this->minimise_enthalpy(p_.pressure);
   }
+  void undo() override {
+    strain_ = strain_after(std::max<std::int64_t>(this->state().step - static_cast<std::int64_t>(this->steps()), 0));
+  }
   void visit_more(Archive& a) override {
     PackProtocol<D>::visit_more(a);
-    a.number("strain", strain_, 0, p_.strain);
+    a.number("strain", strain_, -*p_.strain, *p_.strain);
+    Real amplitude = p_.cycles > 0 ? *p_.strain : 0;
+    a.newer("strain_of_cycles", amplitude);
+    if (const Real now = p_.cycles > 0 ? *p_.strain : 0; amplitude != now)
+      throw InputError(
+          "-strain {:g} with -cycles {}: the run was started with cycles of {:g} (0: none); leave both as "
+          "they were, or raise -cycles",
+          *p_.strain, p_.cycles, amplitude);
   }
   void measure(std::vector<SeriesValue>& row) override {
     row.emplace_back("strain", strain_);
@@ -51,6 +65,20 @@ class ShearProtocol final : public PackProtocol<D> {
   }
 
  private:
+  /// From no strain to the largest.
+  std::int64_t steps_to_end() const {
+    return static_cast<std::int64_t>(std::ceil(*p_.strain / p_.strain_step * (1 - 1e-9)));
+  }
+  /// A number of steps after the preparation.
+  Real strain_after(std::int64_t step) const {
+    const std::int64_t end = steps_to_end(), in_cycle = p_.cycles > 0 ? step % (4 * end) : step,
+                       from_zero = in_cycle <= end       ? in_cycle
+                                   : in_cycle <= 3 * end ? 2 * end - in_cycle
+                                                         : in_cycle - 4 * end;
+    const Real strain = static_cast<Real>(from_zero) * p_.strain_step;
+    return std::clamp(strain, -*p_.strain, *p_.strain);
+  }
+
   const ShearOptions& p_;
   Real strain_ = 0;
 };
@@ -58,9 +86,16 @@ class ShearProtocol final : public PackProtocol<D> {
 }  // namespace
 
 Scenario shear_scenario() {
-  return packing_scenario<ShearOptions, ShearProtocol>(
-      "shear", "quasistatic simple shear of a jammed packing",
-      {"model", "dim", "n", "pressure", "strain", "strain_step", "control", "seed", "output"});
+  return packing_scenario<ShearOptions>(
+      "shear", "simple shear of a jammed packing, quasistatic or at a finite rate",
+      {"model", "dim", "n", "pressure", "strain", "strain_step", "control", "shear_rate", "zeta", "seed", "output"},
+      "The time of a run is the number of its packings; with -shear_rate its unit is t0 = sigma_avg^(1+d/2) "
+      "(rho/eps)^(1/2).",
+      []<int D>(const ShearOptions& p, const Ranks& ranks,
+                std::integral_constant<int, D>) -> std::unique_ptr<Protocol<D>> {
+        if (p.rate) return std::make_unique<SteadyShear<D>>(p, ranks);
+        return std::make_unique<QuasistaticShear<D>>(p, ranks);
+      });
 }
 
 }  // namespace pliant

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -11,19 +12,23 @@
 namespace pliant {
 
 /// An integrator whose step makes the next packing: the time of a run of packings is the number of steps. `advance`
-/// changes the state and returns the number of force evaluations.
+/// changes the state and returns the number of force evaluations; nothing if a stop request has interrupted it, after
+/// which the state is as before.
 class PackingSteps final : public Integrator {
  public:
-  explicit PackingSteps(std::function<std::int64_t(State&)> advance) : advance_(std::move(advance)) {}
+  using Advance = std::function<std::optional<std::int64_t>(State&)>;
+  explicit PackingSteps(Advance advance) : advance_(std::move(advance)) {}
 
   void run(SecondOrderSystem& /*system*/, State& state, Real t_end, bool /*fresh*/,
            const StepObserver& observer) override {
     while (state.t < t_end - 0.5) {
-      statistics_.force_evaluations += advance_(state);
-      ++state.step;
-      state.t = static_cast<Real>(state.step);
-      ++statistics_.steps;
-      statistics_.last_dt = 1;
+      if (const std::optional<std::int64_t> evaluations = advance_(state)) {
+        statistics_.force_evaluations += *evaluations;
+        ++state.step;
+        state.t = static_cast<Real>(state.step);
+        ++statistics_.steps;
+        statistics_.last_dt = 1;
+      }
       if (observer && observer(state) == AfterStep::stop) return;
     }
   }
@@ -40,7 +45,7 @@ class PackingSteps final : public Integrator {
   bool first_same_as_last() const override { return false; }
 
  private:
-  std::function<std::int64_t(State&)> advance_;
+  Advance advance_;
   IntegratorStatistics statistics_;
 };
 

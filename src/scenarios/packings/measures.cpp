@@ -1,0 +1,67 @@
+#include <pliant/scenarios/packings/measures.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include <pliant/model/crossing.h>
+#include <pliant/model/polygon.h>
+
+namespace pliant {
+
+template <int D>
+Box<D> box_of_fraction(const Topology& particles, Real fraction) {
+  Real content = 0;
+  for (const Real a0 : particles.a0) content += a0;
+  return {Vec<D>::Zero(), Vec<D>::Constant(std::pow(content / fraction, Real(1) / D))};
+}
+
+template <int D>
+Real packing_fraction(const ParticleSystem<D>& system, const Real* x) {
+  const Topology& t = system.topology();
+  Real content = 0;
+  for (Index m = 0; m < t.owned(); ++m)
+    if constexpr (D == 2)
+      content += t.points_of(m) > 1 ? polygon_area(x, t, m) : t.a0[m];
+    else
+      content += t.a0[m];
+  return content / system.box().volume();
+}
+
+template <int D>
+void check_outlines(ParticleSystem<D>& system, const Real* x, std::string_view when, std::string_view cure) {
+  if constexpr (D == 2) {
+    if (!system.topology().deformable()) return;
+    const StateView<2> s = system.view(x, nullptr);
+    const auto id = [&](Index m) { return system.topology().id[m]; };
+    if (const SelfLook look = look_at_own_outlines(s); look.crossing)
+      throw NumericalError("the outline of particle {} crosses itself {}; {}", id(look.crossing->particle), when, cure);
+    if (const auto crossing = find_crossing(s))
+      throw NumericalError("a vertex of particle {} lies inside particle {} {}; {}", id(crossing->particle),
+                           id(crossing->other), when, cure);
+  }
+}
+
+template <int D>
+void check_overlaps(ParticleSystem<D>& system, const Real* x) {
+  if (system.topology().deformable()) return;
+  const StateView<D> s = system.view(x, nullptr);
+  system.field().for_each_contact(s, [&](const Contact<D>& c) {
+    const Real radius = std::min(s.topology.sigma[c.first], s.topology.sigma[c.second]) / 2;
+    if (c.overlap * c.reach > radius)
+      throw InputError(
+          "particles {} and {} overlap by {:.0f} % of the smaller radius at the minimum; begin with a lower fraction "
+          "(-fraction) or pressure",
+          s.topology.id[c.first], s.topology.id[c.second], 100 * c.overlap * c.reach / radius);
+  });
+}
+
+template Box<2> box_of_fraction<2>(const Topology&, Real);
+template Box<3> box_of_fraction<3>(const Topology&, Real);
+template Real packing_fraction<2>(const ParticleSystem<2>&, const Real*);
+template Real packing_fraction<3>(const ParticleSystem<3>&, const Real*);
+template void check_overlaps<2>(ParticleSystem<2>&, const Real*);
+template void check_overlaps<3>(ParticleSystem<3>&, const Real*);
+template void check_outlines<2>(ParticleSystem<2>&, const Real*, std::string_view, std::string_view);
+template void check_outlines<3>(ParticleSystem<3>&, const Real*, std::string_view, std::string_view);
+
+}  // namespace pliant

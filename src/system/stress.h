@@ -1,0 +1,27 @@
+// Stress of particles in a periodic box: momentum that points carry, and shares of the particles.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include <pliant/system/particle_system.h>
+
+namespace pliant {
+
+/// Kinetic part of the stress of point i, times the volume: −m w ⊗ w, with the velocity w relative to the flow of the
+/// box. Tension is positive.
+template <int D>
+Mat<D> momentum_flux(const StateView<D>& s, Index i) {
+  const Vec<D> w = s.velocity(i) - s.flow.at(s.position(i));
+  return -s.topology.mass(i) * w * w.transpose();
+}
+
+/// Share of each own particle of the stress [own particles], in units of energy per volume: the sum over all particles
+/// of all ranks is the stress of the box, kinetic part included. An interaction of two particles belongs to either by
+/// half. x, v [size of the system]. Errors: InputError for a box that is open in a direction, and for models without
+/// virials.
+template <int D>
+std::vector<Mat<D>> particle_stress(ParticleSystem<D>& system, std::span<const Real> x, std::span<const Real> v,
+                                    Real t);
+
+}  // namespace pliant

@@ -1,0 +1,136 @@
+"""Steady shear at a rate: budget of energy and momentum, restart, integrators, statistics, refusals. Oscillatory shear."""
+
+import numpy as np
+import pytest
+from conftest import Results, assert_same_runs, pliant
+
+DENSE = {"n": 24, "path": "quench", "fraction": 0.95, "shear_rate": 0.02, "strain": 1}
+POLYGONS = {"n": 6, "n_vertices": 8, "path": "decompress", "fraction": 0.4, "pressure": 1e-2, "strain": 0.5}
+
+
+def shear(folder, **options):
+    result = pliant("shear", output=folder, **{**DENSE, **options})
+    assert result.returncode == 0, result.stderr
+    return Results(folder)
+
+
+@pytest.mark.parametrize("options", [
+    {}, {"drag": "per_mass", "zeta": 0.3}, {"dim": 3, "fraction": 0.8, "n": 40}, {"contact_law": "hertz", "zeta": 5},
+    {"model": "rough", **POLYGONS}, {"model": "smooth", **POLYGONS}])
+def test_budget_of_energy_and_momentum(options, tmp_path):
+    """Energy relative to the flow = start + work of the stress − heat of the drag; contacts conserve momentum, and a drag that
+    is proportional to the mass keeps the momentum relative to the flow at zero."""
+    run = shear(tmp_path / "run", dt=0.003 if "model" in options else 0.03, **options)
+    s = run.series
+    change = s["energy"] - s["energy"][0]
+    assert s["work"][-1] > 1e-3
+    assert np.abs(change - s["work"] + s["heat"]).max() < 2e-3 * s["work"][-1]
+    assert run.summary["energy_audit"]["relative_error"] < 2e-3
+    assert s["strain"] == pytest.approx(s["time"] * 0.02) and s["strain"][-1] == pytest.approx(options.get("strain", 1), rel=1e-3)
+    if options.get("drag") == "per_mass":
+        assert np.abs(s["momentum"]).max() < 1e-12
+    # Both parts of the stress, and the shares of the particles.
+    dim = options.get("dim", 2)
+    xy = s["stress"][:, 1]
+    assert xy == pytest.approx(s["shear_stress"]) and (s["kinetic_stress"][1:, 0] < 0).all()
+    diagonal = s["stress"][:, [0, 2]] if dim == 2 else s["stress"][:, [0, 3, 5]]
+    assert s["pressure"] == pytest.approx(-diagonal.mean(1))
+    for frame in run.frames[::2]:
+        row = np.argmin(np.abs(s["time"] - frame["time"]))
+        if s["time"][row] == frame["time"]:
+            assert frame["particle_stress"].sum(0) == pytest.approx(s["stress"][row], rel=1e-9, abs=1e-12)
+
+
+def test_box_and_positions_of_frames(tmp_path):
+    run = shear(tmp_path / "run", strain=2.3)
+    for frame in run.frames:
+        (lx, ly), tilt = frame["box"][1], frame["box"][2, 0]
+        strain = frame["strain"]
+        assert abs(tilt) <= lx / 2 + 1e-9 + 0.02 * ly and (tilt - strain * ly) / lx == pytest.approx(
+            round((tilt - strain * ly) / lx), abs=1e-9)
+        assert ((frame["centres"] >= 0) & (frame["centres"] < frame["box"][1])).all()
+        # Velocities near those of the flow at the places of the frame.
+        slip = frame["velocities"] - np.stack([0.02 * frame["centres"][:, 1], 0 * frame["centres"][:, 1]], 1)
+        assert np.abs(slip).max() < 0.4
+
+
+@pytest.mark.parametrize("options", [{}, {"model": "rough", **POLYGONS}, {"model": "smooth", **POLYGONS}, {"dim": 3, "fraction": 0.8, "n": 40}])
+def test_restart_goes_on_with_the_same_bits(options, tmp_path):
+    whole = shear(tmp_path / "whole", **{**options, "strain": 1.5})
+    shear(tmp_path / "part", **{**options, "strain": 0.7})
+    result = pliant("shear", restart=tmp_path / "part", strain=1.5)
+    assert result.returncode == 0, result.stderr
+    assert_same_runs(whole, Results(tmp_path / "part"))
+
+
+def test_threads_change_nothing(tmp_path):
+    one, two = (shear(tmp_path / str(k), n=3200, threads=k, strain=0.05).series for k in (1, 2))
+    assert all(np.array_equal(one[name], two[name], equal_nan=True) for name in one)
+
+
+def test_integrators_agree(tmp_path):
+    """Trajectories of methods of different orders, and of an implicit one, which needs the derivatives of the drag."""
+    common = {"strain": 0.1, "sample_interval": 1, "frame_interval": 1}
+    exact = shear(tmp_path / "rk", integrator="ts", ts_rtol=1e-10, ts_atol=1e-10, **common)
+    for name, options, error in (("verlet", {"dt": 0.005}, 2e-5), ("cn", {"integrator": "ts", "ts_type": "cn", "dt": 0.02}, 2e-4)):
+        other = shear(tmp_path / name, **options, **common)
+        assert other.frames[-1]["time"] == pytest.approx(exact.frames[-1]["time"])
+        apart = other.frames[-1]["centres"] - exact.frames[-1]["centres"]
+        length = exact.frames[-1]["box"][1]
+        apart -= length * np.round(apart / length)
+        assert np.abs(apart).max() < error, name
+
+
+def test_flow_stress_of_a_steady_state(tmp_path):
+    """Without a steady state there is no flow stress; with one the work equals the heat in the mean."""
+    short = shear(tmp_path / "short", strain=0.4).summary
+    assert not short["steady"] and short["flow_stress"]["value"] is None and short["flow_stress"]["no_error"]
+    run = shear(tmp_path / "run", strain=60, shear_rate=0.1, sample_interval=0.5, fraction=0.9)
+    s = run.summary
+    assert s["steady"], s["steady_explanation"]
+    late = run.series["time"] >= s["steady_start"]["value"]
+    assert s["flow_stress"]["value"] == pytest.approx(run.series["shear_stress"][late].mean())
+    assert 0 < s["flow_stress"]["error"] < 0.2 * s["flow_stress"]["value"]
+    assert s["viscosity"]["value"] == pytest.approx(s["flow_stress"]["value"] / 0.1)
+    work, heat = (np.ptp(run.series[name][late]) for name in ("work", "heat"))
+    assert work == pytest.approx(heat, rel=0.02)
+    volume = run.frames[0]["box"][1].prod()
+    assert work == pytest.approx(s["flow_stress"]["value"] * volume * 0.1 * np.ptp(run.series["time"][late]), rel=0.02)
+
+
+@pytest.mark.parametrize("options, message", [
+    ({"shear_rate": 0}, "-shear_rate"), ({"shear_rate": "nan"}, "-shear_rate"), ({"moduli": "yes"}, "-moduli"),
+    ({"strain_step": 0.01}, "-strain_step"), ({"control": "pressure"}, "-control"), ({"dt": 5}, "limit of stability"),
+    ({"path": "compress"}, "-path compress"), ({"zeta": -1}, "-zeta"), ({"cycles": 2}, "-cycles")])
+def test_refusals(options, message, tmp_path):
+    result = pliant("shear", output=tmp_path / "run", **{**DENSE, **options})
+    assert result.returncode == 2 and message in result.stderr, result.stderr
+
+
+@pytest.mark.parametrize("options, message", [
+    ({"zeta": 1}, "-zeta"), ({"dt": 0.1}, "-dt"), ({"sample_interval": 0.5}, "-sample_interval"), ({"integrator": "ts"}, "-integrator")])
+def test_refusals_of_quasistatic_shear(options, message, tmp_path):
+    result = pliant("shear", output=tmp_path / "run", n=24, **options)
+    assert result.returncode == 2 and message in result.stderr, result.stderr
+
+
+def test_cycles_of_quasistatic_strain(tmp_path):
+    """Below yield the stress returns with the strain; more cycles continue the run."""
+    options = {"n": 24, "start_pressure": 1e-2, "pressure": 1e-2, "strain": 2e-4, "strain_step": 5e-5}
+    run = [pliant("shear", output=tmp_path / "run", cycles=2, **options), Results(tmp_path / "run")]
+    assert run[0].returncode == 0, run[0].stderr
+    quarter = np.arange(5) * 5e-5
+    cycle = np.concatenate([quarter, quarter[-2::-1], -quarter[1:], -quarter[-2::-1]])
+    strain, stress = run[1].series["strain"][1:], run[1].series["shear_stress"][1:]
+    assert strain == pytest.approx(np.concatenate([cycle, cycle[1:]]), abs=1e-12)
+    assert stress[16] == pytest.approx(stress[0], abs=1e-7) and stress[32] == pytest.approx(stress[0], abs=1e-7)
+    up, down = stress[4] - stress[0], stress[12] - stress[0]
+    assert abs(up) > 1e-5 and down == pytest.approx(-up, rel=0.05)
+    assert run[1].summary["ended_by"] == "cycles"
+    one = pliant("shear", output=tmp_path / "one", cycles=1, **options)
+    assert one.returncode == 0, one.stderr
+    more = pliant("shear", restart=tmp_path / "one", cycles=2)
+    assert more.returncode == 0, more.stderr
+    assert_same_runs(run[1], Results(tmp_path / "one"))
+    other = pliant("shear", restart=tmp_path / "one", cycles=3, strain=3e-4)
+    assert other.returncode == 2 and "cycles of 0.0002" in other.stderr, other.stderr
