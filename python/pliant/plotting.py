@@ -19,7 +19,7 @@ from PIL import Image
 
 from .errors import OutputError, RunError
 from .scene import view, visible, wall_lines  # noqa: F401  (figures take them from here)
-from .symbols import MODEL_NAMES, SYMBOLS, differing, group_label, parameter_label
+from .symbols import SYMBOLS, differing, group_label, model_name, parameter_label
 
 # Okabe and Ito's palette: distinct for every common kind of colour vision.
 COLORS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F"]
@@ -336,12 +336,6 @@ def draw_frame(run, frame=-1, color="speed", axes=None):
 
 
 # ---- naming runs -----------------------------------------------------------------------------------------------------
-
-def model_name(run):
-    if run.model == "rough" and run.dim == 3:
-        return "rough surfaces"
-    return MODEL_NAMES.get(run.model, run.model)
-
 
 def time_label(run, frame, digits=None):
     """'$t = 12.5 t0$'; `digits` after the point, for a row of frames. Packings by their number, a flow by its strain."""

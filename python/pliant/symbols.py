@@ -42,6 +42,13 @@ _NUMERICS = {"dt": r"\Delta t"}  # symbols of options that do not distinguish sy
 _NOTHING_AT_ZERO = ("mu", "zeta")  # how a system dissipates: 0 is not worth a word where the other is not
 
 
+def model_name(run):
+    """Name of the particles of a run."""
+    if run.model == "rough" and run.dim == 3:
+        return "rough surfaces"
+    return MODEL_NAMES.get(run.model, run.model)
+
+
 def reads(model, name):
     """Whether a model reads an option. A model of the user's own may read all."""
     return model not in MODEL_NAMES or model in _READ_BY.get(name, {model})

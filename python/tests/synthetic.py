@@ -11,6 +11,15 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 VERTICES = 16
+#: [12, 3] vertices of an icosahedron on the unit sphere.
+ICOSAHEDRON = np.array([np.roll([0, a, b], k) for k in range(3) for a in (-1, 1) for b in (-1.618034, 1.618034)]) / 1.902113
+
+
+def icosahedron_faces():
+    """[20, 3] vertices of each face, counter-clockwise from outside."""
+    near = np.linalg.norm(ICOSAHEDRON[:, None] - ICOSAHEDRON, axis=2) < 1.1
+    faces = [(i, j, k) for i in range(12) for j in range(i) for k in range(j) if near[i, j] and near[j, k] and near[k, i]]
+    return np.array([f if np.dot(ICOSAHEDRON[f[0]], np.cross(ICOSAHEDRON[f[1]], ICOSAHEDRON[f[2]])) > 0 else f[::-1] for f in faces])
 
 
 def hopper_segments(W, w, angle):
@@ -51,7 +60,8 @@ def write_run(path, model="sp", dim=2, n=150, W=14.0, w=4.0, angle=90.0, mu=1.0,
               samples=200, status="done", seed=1, summary=True, extra=None, close=True):
     """Writes a run and returns its path and the arrays that a reader must find again.
 
-    model sp: points are centres. rough, smooth: polygons of 16 vertices, delta = l0 or 0.1 l0. `extra` adds options.
+    model sp: points are centres. rough, smooth: polygons of 16 vertices, delta = l0 or 0.1 l0; rough in 3D: icosahedra.
+    `extra` adds options.
     """
     path = Path(path)
     path.mkdir(parents=True, exist_ok=True)
@@ -59,7 +69,7 @@ def write_run(path, model="sp", dim=2, n=150, W=14.0, w=4.0, angle=90.0, mu=1.0,
     sigma = np.where(np.arange(n) % 2 == 0, 2 / 2.4, 2.8 / 2.4)
     deformable = model != "sp"
     a0 = np.pi * sigma**2 / 4 if dim == 2 else np.pi * sigma**3 / 6
-    corners = VERTICES if deformable else 1
+    corners = 1 if not deformable else VERTICES if dim == 2 else len(ICOSAHEDRON)
     l0 = np.sqrt(4 * a0 * VERTICES * np.tan(np.pi / VERTICES)) / VERTICES if deformable else np.zeros(n)
     delta = {"sp": sigma, "rough": l0, "smooth": 0.1 * l0}[model]
     centres = _lattice(n, dim, W, w, angle, rng)
@@ -76,6 +86,9 @@ def write_run(path, model="sp", dim=2, n=150, W=14.0, w=4.0, angle=90.0, mu=1.0,
     for name, data in {"offset": offset, "sigma": sigma, "a0": a0, "l0": l0, "mass": a0,
                        "diameter": np.repeat(delta, corners)}.items():
         file[f"topology/{name}"] = data
+    if deformable and dim == 3:
+        file["topology/faces"] = (offset[:-1, None, None] + icosahedron_faces()).reshape(-1, 3).astype(np.int32)
+        file["topology/face_offset"] = np.arange(n + 1, dtype=np.int32) * 20
     segments = hopper_segments(W, w, angle)
     file["geometry/segments"] = segments if dim == 2 else segments[2:]
     file["geometry"].attrs.update({"W": W, "w": w, "angle": angle, "kind": f"hopper{dim}d"})
@@ -84,7 +97,9 @@ def write_run(path, model="sp", dim=2, n=150, W=14.0, w=4.0, angle=90.0, mu=1.0,
         velocity = _velocity(centres, w)
         centres = centres + velocity * 0.05 * (index > 0)
         phase = rng.uniform(0, 2 * np.pi, n)
-        if deformable:
+        if deformable and dim == 3:
+            positions = (centres[:, None, :] + sigma[:, None, None] / 2 * ICOSAHEDRON).reshape(-1, 3)
+        elif deformable:
             theta = 2 * np.pi * np.arange(VERTICES) / VERTICES
             stretch = 1 + rng.uniform(-0.1, 0.1, n)
             radius = l0 / (2 * np.sin(np.pi / VERTICES)) - delta / 2 * 0.9
@@ -108,7 +123,12 @@ def write_run(path, model="sp", dim=2, n=150, W=14.0, w=4.0, angle=90.0, mu=1.0,
                       "active": active, "reinsertions": np.arange(n, dtype=np.int32) % (index + 1),
                       "contact_count": np.bincount(pairs.ravel(), minlength=n).astype(np.int32),
                       "wall_force": np.zeros((len(file["geometry/segments"]), dim))})
-        if deformable:
+        if deformable and dim == 3:
+            one, two, three = positions[file["topology/faces"][()]].transpose(1, 0, 2)
+            of_faces = np.arange(n) * 20
+            group["volume"] = np.add.reduceat(np.einsum("fk,fk->f", one, np.cross(two, three)) / 6, of_faces)
+            group["surface_area"] = np.add.reduceat(np.linalg.norm(np.cross(two - one, three - one), axis=1) / 2, of_faces)
+        elif deformable:
             polygon = positions.reshape(n, VERTICES, 2)
             following = np.roll(polygon, -1, axis=1)
             group["area"] = (polygon[..., 0] * following[..., 1] - polygon[..., 1] * following[..., 0]).sum(1) / 2

@@ -345,12 +345,13 @@ def pages(tmp_path_factory):
     write_run(folder / "soft", n=60)
     write_run(folder / "rough", "rough", n=40)
     write_run(folder / "soft3d", dim=3, n=200, W=9.0)
+    write_run(folder / "surfaces", "rough", dim=3, n=60, W=9.0)
     write_raft(folder / "raft")
     write_channel_run(folder / "channel", channel_tracks(pushes=1, frames=4, disks=40))
     return {path.name: Run(path).report() for path in sorted(folder.iterdir())}
 
 
-@pytest.mark.parametrize("name", ["soft", "rough", "soft3d", "channel"])
+@pytest.mark.parametrize("name", ["soft", "rough", "soft3d", "surfaces", "channel"])
 def test_the_player_plays(name, page, pages):
     page.visit(pages[name])
     assert page.messages == []

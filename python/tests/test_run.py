@@ -16,8 +16,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import VERTICES, write_run
 
-from pliant import Run, RunError, load_runs, load_table, sweep_table
+from pliant import Run, RunError, load_runs, load_table, plotting, sweep_table
 from pliant.run import FRAME_FIELDS
+from pliant.symbols import model_name
 
 HERE = Path(__file__).resolve().parent
 
@@ -302,3 +303,27 @@ def test_datasets_have_units_and_descriptions(tmp_path, soft):
         assert run.describe("/series/energy") == ("E", "total") and run.describe("series/kinetic_energy") == ("E", "part")
         with pytest.raises(RunError, match="does not describe series/dt"):
             run.describe("series/dt")
+
+
+def test_closed_surfaces_have_faces_volumes_and_areas(tmp_path):
+    write_run(tmp_path / "run", "rough", dim=3, n=30, W=9.0)
+    with Run(tmp_path / "run") as run:
+        topology, frame = run.topology, run.frame(-1)
+        assert topology.faces.shape == (600, 3) and topology.face_offset[-1] == 600 and topology.deformable
+        radius = topology.sigma / 2
+        assert_allclose(frame.content, 2.53615 * radius**3, rtol=1e-5)  # of an icosahedron in a sphere
+        assert_allclose(frame.surface_area, 9.57454 * radius**2, rtol=1e-5)
+        assert_allclose(frame.shape_parameter, 1.09844, rtol=1e-4)
+        with pytest.raises(RunError, match="'area'"):
+            frame.area
+        assert model_name(run) == "rough surfaces"
+
+
+def test_a_picture_of_surfaces_shows_shaded_triangles_that_face_the_viewer(tmp_path):
+    write_run(tmp_path / "run", "rough", dim=3, n=30, W=9.0)
+    with Run(tmp_path / "run") as run:
+        axes = plotting.draw_frame(run, -1, "area")
+        triangles = max(axes.collections, key=lambda one: len(one.get_paths()))
+        behind = (run.frame(-1).active & (run.frame(-1).centres[:, 1] >= 0)).sum()  # the run is cut open along its axis
+        assert behind > 3 and 8 * behind <= len(triangles.get_paths()) <= 12 * behind
+        assert len(np.unique(triangles.get_facecolors(), axis=0)) > 5

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from ..flow import axis_velocity, flow_end, flow_rate, is_discharge
-from ..symbols import MODEL_NAMES
+from ..symbols import model_name
 from .frames import force_unit, units
 
 _SAMPLES = 800  # of a curve, at most
@@ -85,7 +85,7 @@ def status_of(run, running):
 
 
 def subtitle(run):
-    model = MODEL_NAMES.get(run.model, run.model)
+    model = model_name(run)
     scenario = _SCENARIOS.get(run.scenario, run.scenario)
     count = run.topology.particles
     return f"{scenario} · {model} · {run.dim}D · {count} particle{'s' * (count != 1)}"
