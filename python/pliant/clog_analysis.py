@@ -22,7 +22,7 @@ from .sweep import load_runs, sweep_table
 COLUMNS = ("hopper_width", "g", "phi_c", "n", "status", "avalanche_size", "capillary_length")
 ENDED = ("clogged", "at_rest", "empty")
 CONFIDENCE = 0.95       # level of the binomial intervals
-AVALANCHE_LIMIT = 0.75  # larger mean avalanches, as a fraction of the droplets, are cut by their number [T 4.3]
+AVALANCHE_LIMIT = 0.75  # larger mean avalanches, as a fraction of the droplets, are cut by their number [T Sec. 4.3]
 
 
 def load_clogs(paths):
@@ -301,7 +301,7 @@ def fit_clog_law(x, clogged, runs, n):
 
 def collapse_fits(points, x):
     """{name: AvalancheFit} of clog_points over x = w/delta*, to see which runs decide A and B. The fits: all points of the
-    commonest number N of droplets; points of each other N, and all avalanches scaled to the commonest N, as in [T 4.3].
+    commonest number N of droplets; points of each other N, and all avalanches scaled to the commonest N, as in [T Sec. 4.3].
     For the commonest N also each phi_c, and each way to vary w/delta*, alone. Then avalanches of `uncut_mean`, with all
     points that have a clog, and P_clog. Fits that fail are omitted."""
     points = points.assign(x=x)

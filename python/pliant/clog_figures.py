@@ -59,7 +59,7 @@ def _kinds(points):
 def draw_avalanches(left, right, points, x, fit):
     """Mean avalanches of clog.clog_points against x = w/delta*, and ln(<s> + 1) against x², with [T 4.17, 4.18]."""
     n = commonest(points["n"])
-    # [T 4.3]: avalanches of other numbers of droplets as fractions.
+    # [T Sec. 4.3]: avalanches of other numbers of droplets as fractions.
     scale = n / points["n"]
     for own, phi_c, style in _kinds(points):
         of = points[own]

@@ -53,7 +53,7 @@ def _mean_cells(rows):
 # ---- sizes -----------------------------------------------------------------------------------------------------------
 
 def draw_histogram(measured):
-    """[T 3.4]: numbers of disks of each size; polydispersity of every distribution."""
+    """[T Fig. 3.4]: numbers of disks of each size; polydispersity of every distribution."""
     found = _by_delta(measured)
     shown = [one for one in found if one[1]["radius"].round(4).nunique() > 3] or found
     figure, axes = plt.subplots(figsize=(6.2, 3.8), layout="constrained")
@@ -92,7 +92,7 @@ def _ends(rows, column):
 
 
 def draw_sizes(measured):
-    """[T 3.8]: non-affine motion against size."""
+    """[T Fig. 3.8]: non-affine motion against size."""
     figure, panels = _draw_against_size(measured, "", "{}")
     for axes in panels:
         axes.set_ylim(bottom=0)
@@ -114,7 +114,7 @@ def draw_sizes(measured):
 
 
 def draw_peaks(measured):
-    """[T 3.10]: how much disks of a size add to the motion next to them."""
+    """[T Fig. 3.10]: how much disks of a size add to the motion next to them."""
     figure, panels = _draw_against_size(measured, "peak_", "peak less mean of  {}")
     quantities = []
     for axes, quantity in zip(panels, MOTION):
@@ -130,7 +130,7 @@ def draw_peaks(measured):
 
 
 def draw_distances(measured):
-    """[T 3.9]: non-affine motion against the distance from a disk of each size."""
+    """[T Fig. 3.9]: non-affine motion against the distance from a disk of each size."""
     found = _two(measured)
     figure, panels = plt.subplots(len(found), 2, figsize=(plotting.PAGE, 3.7 * len(found)), layout="constrained", squeeze=False)
     quantities = []
@@ -166,7 +166,7 @@ def draw_distances(measured):
 # ---- places ----------------------------------------------------------------------------------------------------------
 
 def draw_field(measured):
-    """[T 3.5]: mean displacement."""
+    """[T Fig. 3.5]: mean displacement."""
     figure, axes = plt.subplots(figsize=(6.4, 5.4), layout="constrained")
     cells = _mean_cells(measured)
     arrows = channel_figures.draw_field(axes, cells, cells["travel"].mean(), cells["width"].mean())
@@ -193,7 +193,7 @@ def _map(axes, cells, name, **options):
 
 
 def draw_clock_maps(measured):
-    """[T 3.13]: interval, strain and D2_min over the channel, for one interval and for equal strains."""
+    """[T Fig. 3.13]: interval, strain and D2_min over the channel, for one interval and for equal strains."""
     (name, rows), *_ = _two(measured)
     cells = _mean_cells(rows)
     seconds = cells["time"].mean() / cells["travel"].mean()
@@ -257,7 +257,7 @@ def _first_run(rows):
 
 
 def draw_snapshots(measured):
-    """[T 3.6]: displacement, non-affine displacement and D2_min of every disk at one time."""
+    """[T Fig. 3.6]: displacement, non-affine displacement and D2_min of every disk at one time."""
     found = [(name, _first_run(rows)) for name, rows in _two(measured)]
     figure, panels = plt.subplots(3, len(found), figsize=(min(5.4 * len(found), plotting.PAGE), 12.0), layout="constrained", squeeze=False)
     for (name, shot), column in zip(found, panels.T):
@@ -278,7 +278,7 @@ def draw_snapshots(measured):
 
 
 def draw_neighbours(measured):
-    """[T 3.7]: the neighbours of a largest and of a smallest disk."""
+    """[T Fig. 3.7]: the neighbours of a largest and of a smallest disk."""
     name, rows = _two(measured)[-1]
     shot = _first_run(rows)
     place, radius = shot[["x", "y"]].to_numpy(), shot["radius"].to_numpy()

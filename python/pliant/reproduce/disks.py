@@ -79,17 +79,17 @@ def _draw_polydispersity(measured, end, mean_known, slope_known, offset_known):
 
 
 def draw_polydispersity(measured):
-    """[T 3.11]: non-affine displacement and D2_min against polydispersity."""
+    """[T Fig. 3.11]: non-affine displacement and D2_min against polydispersity."""
     return _draw_polydispersity(measured, "", published.NON_AFFINE, published.D2_SLOPE, published.D2_OFFSET)
 
 
 def draw_clock(measured):
-    """[T 3.14]: the same over intervals of equal strain."""
+    """[T Fig. 3.14]: the same over intervals of equal strain."""
     return _draw_polydispersity(measured, "_clock", None, published.D2_SLOPE_CLOCK, None)
 
 
 def draw_intervals(measured):
-    """[T 3.12]: the same against the interval, in the central square, with the exponents."""
+    """[T Fig. 3.12]: the same against the interval, in the central square, with the exponents."""
     runs = measured.drop_duplicates(["table", "row"])
     figure, panels = plt.subplots(1, 2, figsize=(plotting.PAGE, 4.2), layout="constrained")
     quantities = []
@@ -136,7 +136,7 @@ def draw_rotation(measured):
 
 
 def draw_neighbours(measured):
-    """D2_min with 11 and 20 neighbours, which [T 3.3] tried, over D2_min with 15."""
+    """D2_min with 11 and 20 neighbours, which [T Sec. 3.3] tried, over D2_min with 15."""
     usual = measured[measured["neighbours"] == Choices().neighbours].set_index(["table", "row"])
     figure, axes = plt.subplots(figsize=(5.4, 4.0), layout="constrained")
     quantities = []

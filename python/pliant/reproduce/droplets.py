@@ -41,7 +41,7 @@ def _at_rest(forces):
 
 
 def draw_three(measured):
-    """[T 2.3]: force of three droplets, and its peak against the speed of the wall."""
+    """[T Fig. 2.3]: force of three droplets, and its peak against the speed of the wall."""
     # Among runs that differ only in the integrator, the first is used.
     runs = measured.drop_duplicates(["table", "row"]).drop_duplicates("v_wall")
     measured = measured[measured["row"].isin(runs["row"])]
@@ -72,7 +72,7 @@ def draw_three(measured):
 
 
 def draw_forces(measured):
-    """[T 2.6, 2.9]: the force curve of a raft, a panel per fraction of small droplets, a curve per seed."""
+    """[T Fig. 2.6, 2.9]: the force curve of a raft, a panel per fraction of small droplets, a curve per seed."""
     measured = _usual(measured, "v_wall")
     # Among runs that differ only in the integrator, the first is used.
     first = measured.drop_duplicates(["table", "row"]).drop_duplicates(["small_fraction", "seed"])
@@ -105,7 +105,7 @@ def _stiffness(reductions):
 
 
 def draw_stiffness(measured):
-    """[T 2.7]: k_eq of the reductions of a raft against q/(p+1)."""
+    """[T Fig. 2.7]: k_eq of the reductions of a raft against q/(p+1)."""
     table = _usual(measured, "v_wall").drop_duplicates(["seed", "start_rows", "n", "rows"])
     mean = _stiffness(table)
     figure, axes = plt.subplots(figsize=(5.8, 4.2), layout="constrained")
@@ -131,7 +131,7 @@ def draw_stiffness(measured):
 
 
 def draw_scaling(measured):
-    """[T 2.8]: peaks of the reductions of many rafts against (p³ + p²)^(-1/2)."""
+    """[T Fig. 2.8]: peaks of the reductions of many rafts against (p³ + p²)^(-1/2)."""
     table = measured.assign(ratio=measured["F_max"] / measured["n"] / (
         2 * np.sqrt(measured["k1"] * measured["E1"]) * raft_figures.inverse_rows(measured)))
     mean = _stiffness(table)
@@ -148,7 +148,7 @@ def draw_scaling(measured):
 
 
 def draw_two_sizes(measured):
-    """[T 2.10]: excess peaks against the fraction of small droplets, over the height of the fitted law."""
+    """[T Fig. 2.10]: excess peaks against the fraction of small droplets, over the height of the fitted law."""
     points, _, y = raft_figures.fracture_points(measured, "phi")
     figure, (left, right) = plt.subplots(1, 2, figsize=(plotting.PAGE, 4.0), layout="constrained")
     raft_figures.draw_fractures(left, points, "phi", y)
@@ -179,7 +179,7 @@ def draw_two_sizes(measured):
 
 
 def draw_polydispersity(measured):
-    """[T 2.11]: peaks against polydispersity, of one size with a scatter of radii, and of two sizes."""
+    """[T Fig. 2.11]: peaks against polydispersity, of one size with a scatter of radii, and of two sizes."""
     figure, axes = plt.subplots(figsize=(5.8, 4.2), layout="constrained")
     quantities = []
     one = measured["small_fraction"] == 0
@@ -224,7 +224,7 @@ def _draw_competing(measured, kind):
 
 
 def draw_size(measured):
-    """[T 2.14]: competing fractures against N^(-1/2), with the line to infinite rafts."""
+    """[T Fig. 2.14]: competing fractures against N^(-1/2), with the line to infinite rafts."""
     figure, judged, quantities = _draw_competing(measured, "size")
     limits = []
     for judgement, axes, points in judged:
@@ -246,13 +246,13 @@ def draw_size(measured):
 
 
 def draw_aspect(measured):
-    """[T 2.15]: competing fractures against the shape of the raft."""
+    """[T Fig. 2.15]: competing fractures against the shape of the raft."""
     figure, _, quantities = _draw_competing(measured, "aspect")
     return figure, quantities
 
 
 def draw_tilt(measured):
-    """[T 2.16]: competing fractures against the angle between the walls."""
+    """[T Fig. 2.16]: competing fractures against the angle between the walls."""
     figure, judged, quantities = _draw_competing(measured, "tilt")
     minima = []
     for judgement, axes, points in judged:
@@ -284,7 +284,7 @@ def _middles(fits, symbol):
 
 
 def draw_gravity(measured):
-    """[T 4.2]: P_clog against gravity, and where it is one half."""
+    """[T Fig. 4.2]: P_clog against gravity, and where it is one half."""
     fits = clog.fit_sigmoids(_points(measured), "g")
     if fits.empty:
         raise RunError("no curve of P_clog against g: rows with several g and one width are needed")
@@ -302,7 +302,7 @@ def _width_fits(measured):
 
 
 def draw_width(measured):
-    """[T 4.3]: P_clog against the width of the exit."""
+    """[T Fig. 4.3]: P_clog against the width of the exit."""
     fits = _width_fits(measured)
     figure, axes = plt.subplots(figsize=(5.8, 4.2), layout="constrained")
     draw_curves(axes, fits, "hopper_width")
@@ -310,7 +310,7 @@ def draw_width(measured):
 
 
 def draw_middle_widths(measured):
-    """[T 4.4]: w*/d against the capillary length, with two regimes."""
+    """[T Fig. 4.4]: w*/d against the capillary length, with two regimes."""
     figure, axes = plt.subplots(figsize=(5.8, 4.2), layout="constrained")
     regimes = draw_regimes(axes, _width_fits(measured))
     grid = np.linspace(0, axes.get_xlim()[1], 200)
@@ -348,7 +348,7 @@ _FITS = {"scaled": "avalanches scaled to one N", "cut off": "emptied runs censor
 
 
 def draw_collapse(measured):
-    """[T 4.5]: mean avalanches against w/delta*; B of parts of the data, and of other ways to fit them."""
+    """[T Fig. 4.5]: mean avalanches against w/delta*; B of parts of the data, and of other ways to fit them."""
     points, x, fit, quantities, fits = _avalanches(measured)
     figure, (left, middle, right) = plt.subplots(1, 3, figsize=(plotting.PAGE, 4.0), layout="constrained")
     draw_avalanches(left, middle, points, x, fit)
@@ -376,7 +376,7 @@ def draw_collapse(measured):
 
 
 def draw_clog_collapse(measured):
-    """[T 4.6]: P_clog against w/delta*."""
+    """[T Fig. 4.6]: P_clog against w/delta*."""
     points, x, fit, quantities, fits = _avalanches(measured)
     figure, axes = plt.subplots(figsize=(5.8, 4.2), layout="constrained")
     draw_probabilities(axes, points, x, fit)

@@ -24,7 +24,7 @@ def _limit_fits(table):
 
 
 def draw_limits(measured):
-    """[H 2, 3, 10]: Q(w) with fits, and Q/C, a row of panels per limit; in 2D the published law of hard particles."""
+    """[H Fig. 2, 3, 10]: Q(w) with fits, and Q/C, a row of panels per limit; in 2D the published law of hard particles."""
     fits = _limit_fits(limits(measured))
     there = [name for name in LIMIT_NAMES if (fits["limit"] == name).any()]
     figure, panels = plt.subplots(len(there), 2, figsize=(plotting.PAGE, 3.9 * len(there)), layout="constrained", squeeze=False)
@@ -50,7 +50,7 @@ def draw_limits(measured):
 
 
 def draw_hard(measured):
-    """[H 10] as `draw_limits`, and Q of the stiffest deformable particles over Q of the hardest soft particles of the
+    """[H Fig. 10] as `draw_limits`, and Q of the stiffest deformable particles over Q of the hardest soft particles of the
     same N and width: [H App. B] has one hard limit for both."""
     figure, quantities = draw_limits(measured)
     table = limits(measured)
@@ -117,7 +117,7 @@ def _profile_quantities(runs, lam):
 
 
 def draw_profiles(measured):
-    """[H 5]: velocity on the axis against height for several widths, and at the orifice against the width."""
+    """[H Fig. 5]: velocity on the axis against height for several widths, and at the orifice against the width."""
     table = with_limit(measured)
     lams = sorted(table["lam"].unique())
     titles = {0.0: r"$\lambda = 0$", np.inf: r"$\lambda = \infty$"}
@@ -186,7 +186,7 @@ def _ratio_of_hoppers(fits):
 
 
 def draw_discharge(measured):
-    """[H 8]: c0 of discharges of wedges, dN/dt = -c0 sqrt(N), against the width, with the law of the experiment."""
+    """[H Fig. 8]: c0 of discharges of wedges, dN/dt = -c0 sqrt(N), against the width, with the law of the experiment."""
     table = measured[np.isfinite(measured["c0"].astype(float))]
     if table.empty:
         raise RunError("no discharge has a rate c0: run a wedge until it is empty")

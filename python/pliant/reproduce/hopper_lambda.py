@@ -93,7 +93,7 @@ def _renamed(quantity, dim):
 
 
 def draw_lambda(measured, value="Q"):
-    """[H 4, 11, 12a]: beta against lambda with the corrected sigmoid, a panel per dimension; of hoppers with several angles
+    """[H Fig. 4, 11, 12a]: beta against lambda with the corrected sigmoid, a panel per dimension; of hoppers with several angles
     the flattest, in each dimension."""
     table = with_limit(plain(measured))
     steep = table["hopper_angle"] < table.groupby("dim")["hopper_angle"].transform("max")
@@ -114,7 +114,7 @@ def draw_lambda(measured, value="Q"):
 
 
 def draw_corrected(measured):
-    """[H 11]: beta from Q, and from Q' corrected for overlaps."""
+    """[H Fig. 11]: beta from Q, and from Q' corrected for overlaps."""
     table = with_limit(plain(measured))
     rates = [(mark, _exponents(table, ["dim", *MODEL], value)) for value, mark in (("Q", ""), ("Q_corrected", "'"))]
     figure, panels = plt.subplots(1, 2, figsize=(plotting.PAGE, 4.9), layout="constrained", sharey=True)
@@ -201,7 +201,7 @@ def _draw_ratios(axes, ratios, curves, full, lams):
 
 
 def draw_angles(measured):
-    """[H 6]: beta against lambda for hoppers of several angles; lambda_c and the ratio of drag to friction against the
+    """[H Fig. 6]: beta against lambda for hoppers of several angles; lambda_c and the ratio of drag to friction against the
     angle. A row of panels per model, then the panels of lambda_c; each contact stiffness and each N has a separate
     curve."""
     table = with_limit(plain(measured))
@@ -244,7 +244,7 @@ def draw_angles(measured):
 
 
 def draw_size(measured):
-    """[H 12]: beta against lambda, and C, for several numbers of particles."""
+    """[H Fig. 12]: beta against lambda, and C, for several numbers of particles."""
     table = with_limit(plain(measured))
     exponents = _exponents(table, ["dim", "n"])
     figure, (left, right) = plt.subplots(1, 2, figsize=(plotting.PAGE, 4.7), layout="constrained")

@@ -98,7 +98,7 @@ def _alike(fits):
 
 
 def draw_offsets(measured):
-    """[H 7]: the offset k against the stiffness of soft particles, and over K_l and K_b of deformable particles."""
+    """[H Fig. 7]: the offset k against the stiffness of soft particles, and over K_l and K_b of deformable particles."""
     fits = _stiffness_fits(measured)
     panels = []  # (name, limit of a map, fits)
     for name, group in _alike(fits):
@@ -202,10 +202,10 @@ def _draw_prefactors(measured, x, label):
 
 
 def draw_soft_prefactors(measured):
-    """[H 13]: the prefactor C against the stiffness of soft particles, and Q/C against w - k."""
+    """[H Fig. 13]: the prefactor C against the stiffness of soft particles, and Q/C against w - k."""
     return _draw_prefactors(measured, "e_sp", "$E_{sp}$")
 
 
 def draw_deformable_prefactors(measured):
-    """[H 14]: prefactors of deformable particles against K_b."""
+    """[H Fig. 14]: prefactors of deformable particles against K_b."""
     return _draw_prefactors(measured, "k_b", "$K_b$")

@@ -65,7 +65,7 @@ K1_ARRAYS = Published(6.1, 0.05, "T 2.4.2: mean of 20 to 400 droplets")
 PEAK_RATIO = Published(1.0, 0.0, "T 2.37; most peaks of T Fig. 2.8 are higher")
 #: Fraction of competing fractures as N goes to infinity.
 COMPETING = Published(1.0, 0.0, "T Fig. 2.14")
-NO_COMPETING = 9  #: droplets of the raft that is too small for two fractures [T 2.4.3]; from there the fraction rises in a line
+NO_COMPETING = 9  #: droplets of the raft that is too small for two fractures [T Sec. 2.4.3]; from there the fraction rises in a line
 TILT = Published(0.2, 0.05, "T Fig. 2.16")
 #: Polydispersity of the distributions of disks.
 DELTA = {name: Published(value, 0.005, "T table 3.1") for name, value in (
