@@ -64,7 +64,8 @@ struct Bending {
     grad.add(k.last, gw);
   }
 
-  /// Without pre-stress: of unit vectors as a function of the angle between them. Full vectors have none.
+  /// Without pre-stress the energy of unit vectors counts as a function of the angle between them; the energy of full
+  /// vectors, which is quadratic, has no pre-stress.
   void add_hessian(const StateView<2>& s, Index i, BlockSink<2>& h, PreStress pre_stress = PreStress::kept) const {
     const Corner k = corner(s, i);
     Mat<2> uu, ww, uw;

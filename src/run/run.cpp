@@ -388,11 +388,9 @@ void Run<D>::store(const nlohmann::ordered_json& summary) {
   p_.member->image = writer_->image();
 }
 
-/// Adds the scenario's results.
+/// Names the results of a member of an ensemble: what its scenario has added to the summary of the run.
 template <int D>
-void Run<D>::conclude(nlohmann::ordered_json& s) {
-  const nlohmann::ordered_json of_the_run = s;
-  protocol_->conclude(s);
+void Run<D>::name_results(const nlohmann::ordered_json& of_the_run, const nlohmann::ordered_json& s) {
   if (p_.member == nullptr) return;
   for (const auto& [name, value] : s.items())
     if (!of_the_run.contains(name)) p_.member->results.push_back(name);
@@ -402,7 +400,8 @@ template <int D>
 ExitCode Run<D>::finish() {
   if (!stopped()) judge_energy();
   nlohmann::ordered_json s = summary();
-  if (!stopped()) conclude(s);
+  const nlohmann::ordered_json of_the_run = s;
+  if (!stopped()) protocol_->conclude(s);
   ranks_.on_root([&] {
     writer_->flush();
     if (!stopped()) writer_->drop_later_frames();  // frames of a killed run, later than the end of this run
@@ -412,6 +411,7 @@ ExitCode Run<D>::finish() {
     } else {
       if (restarted() && !took_steps()) say("the run had already ended there\n");
       protocol_->report(writer_->read_series(), s);
+      name_results(of_the_run, s);
       report_reliability();
       const IntegratorStatistics total = statistics();
       const Real ns = 1e9 * Real(s["cpu_seconds"]) / static_cast<Real>(std::max<std::int64_t>(total.steps, 1));

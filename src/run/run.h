@@ -88,7 +88,7 @@ class Run final : public AnyRun, private RunAccess {
   std::string progress() const;
   nlohmann::ordered_json summary();
   void store(const nlohmann::ordered_json& summary);
-  void conclude(nlohmann::ordered_json& summary);
+  void name_results(const nlohmann::ordered_json& of_the_run, const nlohmann::ordered_json& summary);
   [[noreturn]] void fail(const Error& error);
   std::string advice() const;
   IntegratorStatistics statistics() const;

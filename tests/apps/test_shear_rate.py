@@ -1,6 +1,7 @@
 """Steady shear at a rate: budget of energy and momentum, restart, integrators, statistics, refusals. Oscillatory shear."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from conftest import Results, assert_same_runs, pliant
 
@@ -49,7 +50,7 @@ def test_box_and_positions_of_frames(tmp_path):
         assert abs(tilt) <= lx / 2 + 1e-9 + 0.02 * ly and (tilt - strain * ly) / lx == pytest.approx(
             round((tilt - strain * ly) / lx), abs=1e-9)
         assert ((frame["centres"] >= 0) & (frame["centres"] < frame["box"][1])).all()
-        # Velocities near those of the flow at the places of the frame.
+        # Velocities are near the velocities of the flow at the places of the frame.
         slip = frame["velocities"] - np.stack([0.02 * frame["centres"][:, 1], 0 * frame["centres"][:, 1]], 1)
         assert np.abs(slip).max() < 0.4
 
@@ -134,3 +135,32 @@ def test_cycles_of_quasistatic_strain(tmp_path):
     assert_same_runs(run[1], Results(tmp_path / "one"))
     other = pliant("shear", restart=tmp_path / "one", cycles=3, strain=3e-4)
     assert other.returncode == 2 and "cycles of 0.0002" in other.stderr, other.stderr
+
+
+def test_an_ensemble_has_the_flow_stress_of_its_members(tmp_path):
+    """Also results that a run finds from its series are averaged over the members."""
+    result = pliant("shear", output=tmp_path / "run", ensemble=3, **{**DENSE, "strain": 30, "shear_rate": 0.1, "sample_interval": 0.5})
+    assert result.returncode == 0, result.stderr
+    table = pd.read_csv(tmp_path / "run" / "members.csv")
+    assert (table["flow_stress"] > 0).all()
+    assert table["viscosity"].to_numpy() == pytest.approx(table["flow_stress"].to_numpy() / 0.1)
+    assert "flow_stress" in result.stdout
+
+
+def test_slow_flow_is_quasistatic(tmp_path):
+    """Before a contact changes, stresses at two small rates differ from quasistatic ones by a viscous part proportional to the
+    rate."""
+    start = {"n": 24, "start_pressure": 1e-2, "pressure": 1e-2, "seed": 3, "strain": 0.003}
+    result = pliant("shear", output=tmp_path / "steps", strain_step=1e-3, **start)
+    assert result.returncode == 0, result.stderr
+    steps = Results(tmp_path / "steps").series
+    strain, stress = steps["strain"][2:], steps["shear_stress"][2:]
+    assert np.ptp(stress) > 5e-5
+    viscous = []
+    for rate in (2e-5, 4e-5):
+        result = pliant("shear", output=tmp_path / str(rate), shear_rate=rate, sample_interval=0.00025 / rate,
+                        frame_interval=0.001 / rate, **start)
+        assert result.returncode == 0, result.stderr
+        flow = Results(tmp_path / str(rate)).series
+        viscous.append(np.interp(strain, flow["strain"], flow["shear_stress"]) - stress)
+    assert viscous[0] == pytest.approx(viscous[0].mean(), rel=0.05) and viscous[1] == pytest.approx(2 * viscous[0], rel=0.05)

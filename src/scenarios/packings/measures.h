@@ -26,13 +26,13 @@ Box<D> box_of_fraction(const Topology& particles, Real fraction);
 template <int D>
 Real packing_fraction(const ParticleSystem<D>& system, const Real* x);
 
-/// Errors: NumericalError where the outline of a polygon crosses itself, or a vertex lies inside another polygon. when:
-/// for the message, "at the minimum"; cure: what the user can do.
+/// Errors: NumericalError where the outline of a polygon crosses itself, or a vertex lies inside another polygon. The
+/// message contains `when`, for example "at the minimum", and `cure`, the advice to the user.
 template <int D>
 void check_outlines(ParticleSystem<D>& system, const Real* x, std::string_view when, std::string_view cure);
 
-/// Errors: InputError where soft particles overlap by more than the smaller radius, so that contacts are no contacts of
-/// neighbours only.
+/// Errors: InputError where soft particles overlap by more than the smaller radius: their contacts then reach beyond
+/// the neighbours.
 template <int D>
 void check_overlaps(ParticleSystem<D>& system, const Real* x);
 

@@ -45,9 +45,9 @@ class SteadyShear final : public Protocol<D> {
   void report(const Series& series, nlohmann::ordered_json& summary) override;
 
  private:
-  /// Of the present state.
+  /// Sums over the particles at the present time.
   struct Measured {
-    Mat<D> stress = Mat<D>::Zero();   ///< of the energy terms
+    Mat<D> stress = Mat<D>::Zero();   ///< the part that the energy terms cause
     Mat<D> kinetic = Mat<D>::Zero();  ///< kinetic part of the stress
     Real energy = 0, kinetic_energy = 0, drag_power = 0;
     Vec<D> momentum = Vec<D>::Zero();
