@@ -494,7 +494,9 @@ Json Options::reference() const {
   Json result = Json::object();
   for (const Option& option : options_) {
     const OptionSpec& spec = option.spec;
-    Json& entry = result[option.name] = {{"default", option.default_value}, {"unit", spec.unit}};
+    Json& entry =
+        result[option.name] = {{"default", spec.default_of_run ? Json(spec.default_of_run()) : option.default_value},
+                               {"unit", spec.unit_of_run ? spec.unit_of_run() : spec.unit}};
     if (!spec.symbol.empty()) entry["symbol"] = spec.symbol;
     if (spec.term) entry["models"] = spec.models;
   }

@@ -45,8 +45,8 @@ struct OptionSpec {
   std::string only_with = {};            ///< setting of another option without which it is not read: "-model rough"
   /// Parameters of models only: the term of the run's model that reads the parameter, or nothing.
   std::function<std::optional<std::string>()> term = {};
-  /// Parameters of models only: unit and default in the dimensions of the run, where these are not the same in 2D and
-  /// 3D.
+  /// Parameters of models only: unit and default in the dimensions of the run (2D before these are known), if 2D and 3D
+  /// differ.
   std::function<std::string()> unit_of_run = {};
   std::function<Real()> default_of_run = {};
   Real min = -std::numeric_limits<Real>::infinity();

@@ -91,7 +91,7 @@ void ModelChoice::bind(Options& options, ParameterTable::Entry& entry, const Uni
                   .cures = cures_of(entry.role),
                   .on_restart = OnRestart::fixed};
   if (entry.other_in_space) {
-    spec.unit_of_run = [this, &entry, units] { return entry.unit_text(units, table_.dimension()); };
+    spec.unit_of_run = [this, &entry, units] { return entry.unit_text(units, std::max(table_.dimension(), 2)); };
     spec.default_of_run = [this, &entry] { return entry.default_in(table_.dimension()); };
   }
   switch (entry.kind) {

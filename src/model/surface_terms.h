@@ -129,7 +129,7 @@ struct FaceArea : FaceEnergy<FaceArea> {
     k_a = p.number({.name = "k_a",
                     .symbol = "K_a",
                     .unit = {1, -1, 0},
-                    .help = "area stiffness K_a: K_a/2 (a - a0)^2/a0 for each face",
+                    .help = "stiffness K_a of the areas of faces",
                     .value = 50,
                     .alias = "ka",
                     .role = Role::area});
@@ -171,7 +171,7 @@ struct EdgeLength : SurfaceTerm {
     k_l = p.number({.name = "k_l",
                     .symbol = "K_l",
                     .unit = {1, -1, 0},
-                    .help = "edge stiffness K_l: K_l/2 (l - l0)^2 for each edge",
+                    .help = "stiffness K_l of the lengths of edges",
                     .value = 20,
                     .alias = "kl",
                     .role = Role::perimeter});
@@ -206,7 +206,7 @@ struct HingeBending : SurfaceTerm {
     k_b = p.number({.name = "k_b",
                     .symbol = "K_b",
                     .unit = dimension::energy,
-                    .help = "bending stiffness K_b: K_b (1 - cos(theta - theta0)) for each edge",
+                    .help = "bending stiffness K_b of each edge",
                     .value = 0.1,
                     .alias = "kb",
                     .role = Role::bending});
