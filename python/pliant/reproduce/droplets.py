@@ -198,6 +198,8 @@ def draw_polydispersity(measured):
 
 
 #: Of raft.JUDGEMENTS, for the panels.
+#: A line whose points have a larger χ²/dof is no law: its end is shown without a verdict.
+_STRAIGHT = 2.0
 _JUDGED = {"competing": "a raft with holes is left", "overlapping": "one starts before another has closed",
            "unmatched": "and they never meet"}
 
@@ -235,8 +237,11 @@ def draw_size(measured):
             drawn = np.polyfit(x, ensemble.draws(line, judgement).T, 1)
             at = np.array([0, x.max()])
             axes.plot(at, limit + slope * at, color=plotting.COLORS[0], lw=1.1, label="line, $N$ ≥ 16")
+            off = (line[judgement] - limit - slope * x) / line[judgement + "_error"]
+            chi2 = float((off**2).sum() / (len(x) - 2))
             limits.append(Quantity(f"fraction of {raft.JUDGEMENTS[judgement]} as N goes to infinity", limit,
-                                   float(ensemble.spread(drawn[1])), published.COMPETING))
+                                   float(ensemble.spread(drawn[1])), published.COMPETING,
+                                   f"the points leave the line (χ²/dof {chi2:.1f})" if chi2 > _STRAIGHT else "", chi2 <= _STRAIGHT))
         axes.plot([0, 1 / np.sqrt(published.NO_COMPETING)], [published.COMPETING.value, 0], "-.", color="0.3", lw=1.0,
                   label="[T], as described")
         axes.plot(0, published.COMPETING.value, "k*", ms=9, clip_on=False)
