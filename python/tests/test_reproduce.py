@@ -492,6 +492,8 @@ def test_figure_4_finds_lambda_c(tmp_path):
     assert list(drawn("H4", pd.concat([flow_rows(LAMS, crossing_law), begun], ignore_index=True))) == list(found)
     with pytest.raises(PliantError, match="no lambda has enough widths"):
         command.FIGURES["H4"].draw(begun)
+    labels = [command.FIGURES["H4"].draw(flow_rows(LAMS, crossing_law, drag=drag))[0].axes[0].get_xlabel() for drag in ("per_length", "per_mass")]
+    assert ["numbers of the program" in label for label in labels] == [False, True]
 
 
 def test_figure_6_compares_angles(tmp_path):

@@ -197,11 +197,8 @@ def draw_polydispersity(measured):
     return figure, quantities
 
 
-#: Of raft.JUDGEMENTS, for the panels.
 #: A line whose points have a larger χ²/dof is no law: its end is shown without a verdict.
 _STRAIGHT = 2.0
-_JUDGED = {"competing": "a raft with holes is left", "overlapping": "one starts before another has closed",
-           "unmatched": "and they never meet"}
 
 
 def _draw_competing(measured, kind):
@@ -214,7 +211,7 @@ def _draw_competing(measured, kind):
     for axes, judgement in zip(panels[0], there):
         points, _, y = raft_figures.fracture_points(measured, kind, judgement)
         raft_figures.draw_fractures(axes, points, kind, y)
-        axes.set_title(_JUDGED[judgement], loc="left")
+        axes.set_title(judgement, loc="left")
         axes.set_ylim(0, 1.05)
         axes.label_outer()
         varied = [x, *(c for c in ("n", "phi", "delta", "tilt") if c != x and points[c].nunique() > 1)]

@@ -108,6 +108,8 @@ def draw_lambda(measured, value="Q"):
     for axes, (dim, exponents) in zip(panels[0], every):
         curves, found = _crossovers(exponents, by, dim, model_label, lambda key, dim=dim: published.LAMBDA_C[dim])
         _draw_crossovers(axes, curves, dim, [published.LAMBDA_C[dim]])
+        if "drag" in table and (table.loc[table["dim"] == dim, "drag"] == "per_mass").any():
+            axes.set_xlabel(rf"$\lambda$ in numbers of the program ($\zeta/\mu$: times {published.CODE_LAMBDA[dim]:.1f})")
         axes.set_title(f"{dim}D", loc="left")
         quantities += [_renamed(q, dim) for q in found]
     return figure, quantities
