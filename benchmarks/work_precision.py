@@ -190,6 +190,8 @@ def report(problem, rows, standard, images):
                         f"{scatter:.1g} from the reference. The cheapest runs with the same mean energies within this difference:")
         else:
             shown, columns, label = comparison(rows, standard, error), ["method", *TARGETS], ERRORS[error]
+            if problem == "droplets":  # their unit of length
+                label = label.replace("σ_avg", "⟨R⟩")
             text.append(f"CPU time (force evaluations in brackets) relative to the standard run; {label}, "
                         f"e₀ = {standard[error]:.2g}:")
         name = f"work-precision-{problem}{'-energy' * (error == 'energy_error')}.png"

@@ -492,6 +492,8 @@ def test_figure_4_finds_lambda_c(tmp_path):
     assert list(drawn("H4", pd.concat([flow_rows(LAMS, crossing_law), begun], ignore_index=True))) == list(found)
     with pytest.raises(PliantError, match="no lambda has enough widths"):
         command.FIGURES["H4"].draw(begun)
+    labels = [command.FIGURES["H4"].draw(flow_rows(LAMS, crossing_law, drag=drag))[0].axes[0].get_xlabel() for drag in ("per_length", "per_mass")]
+    assert ["numbers of the program" in label for label in labels] == [False, True]
 
 
 def test_figure_6_compares_angles(tmp_path):
@@ -1154,6 +1156,9 @@ def test_figures_of_fractures(tmp_path):
     assert found["fraction of overlapping fractures, N = 16"].value == 0
     assert found["fraction of overlapping fractures, N = 144"].value == 1
     assert found["fraction of competing fractures as N goes to infinity"].value == pytest.approx(0.8)
+    bent = [row | {"competing": 0.1 + 0.02 * row["seed"] + 0.6 * (row["n"] == 144)} for row in sizes]  # no line fits: its end decides nothing
+    limit = drawn("T2.14", raft_rows(bent), tmp_path)["fraction of competing fractures as N goes to infinity"]
+    assert agree(limit) == "no verdict" and "leave the line" in limit.note
     shapes = [fracture_row(seed, n=36, rows=p, aspect=36 / p**2, competing=1 / p) for seed in (1, 2) for p in (12, 6, 3)]
     assert drawn("T2.15", raft_rows(shapes), tmp_path)["fraction of competing fractures, q/p = 4"].value == pytest.approx(1 / 3)
     tilts = [fracture_row(seed, tilt=t, competing=f + 0.02 * seed) for seed in (-1, 0, 1)

@@ -311,7 +311,7 @@ def test_closed_surfaces_have_faces_volumes_and_areas(tmp_path):
         topology, frame = run.topology, run.frame(-1)
         assert topology.faces.shape == (600, 3) and topology.face_offset[-1] == 600 and topology.deformable
         radius = topology.sigma / 2
-        assert_allclose(frame.content, 2.53615 * radius**3, rtol=1e-5)  # of an icosahedron in a sphere
+        assert_allclose(frame.content, 2.53615 * radius**3, rtol=1e-5)  # icosahedron in a sphere of this radius
         assert_allclose(frame.surface_area, 9.57454 * radius**2, rtol=1e-5)
         assert_allclose(frame.shape_parameter, 1.09844, rtol=1e-4)
         with pytest.raises(RunError, match="'area'"):

@@ -141,7 +141,7 @@ void Run<D>::check_frame_fields() {
   refuse({"volume", "surface_area"}, deformable && D == 3, "its particles are not closed surfaces");
   refuse({"reinsertions"}, protocol_->reinsertions() != nullptr, "particles are never reinserted");
   refuse({"particle_stress"}, protocol_->measures_stress(), "its scenario measures no stress");
-  refuse({"modes"}, protocol_->modes() != nullptr, "it computes no modes (-modes K of pack and shear)");
+  refuse({"modes"}, protocol_->modes() != nullptr, "it computes no vibrational modes");
   refuse({"wall_force", "wall_contacts"}, particles.walls().size() > 0, "it has no walls");
 }
 

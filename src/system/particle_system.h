@@ -204,7 +204,7 @@ class ParticleSystem final : public ImplicitSystem {
   Halo<D> halo_;
   std::vector<Real> x_, v_, angles_, spins_;  ///< with ghosts; unused where there are none
   ContactHistory history_;
-  HistoryWorkspace workspace_;         ///< of its next state
+  HistoryWorkspace workspace_;         ///< the next history
   std::vector<Real> accepted_angles_;  ///< at the last accepted step, of all points; empty: undefined
   std::vector<Real> turns_;
   /// Whether the workspace holds the next history at the positions of the last acceleration: no view has been made

@@ -197,9 +197,8 @@ def draw_polydispersity(measured):
     return figure, quantities
 
 
-#: Of raft.JUDGEMENTS, for the panels.
-_JUDGED = {"competing": "a raft with holes is left", "overlapping": "one starts before another has closed",
-           "unmatched": "and they never meet"}
+#: A line whose points have a larger χ²/dof is no law: its end is shown without a verdict.
+_STRAIGHT = 2.0
 
 
 def _draw_competing(measured, kind):
@@ -212,7 +211,7 @@ def _draw_competing(measured, kind):
     for axes, judgement in zip(panels[0], there):
         points, _, y = raft_figures.fracture_points(measured, kind, judgement)
         raft_figures.draw_fractures(axes, points, kind, y)
-        axes.set_title(_JUDGED[judgement], loc="left")
+        axes.set_title(judgement, loc="left")
         axes.set_ylim(0, 1.05)
         axes.label_outer()
         varied = [x, *(c for c in ("n", "phi", "delta", "tilt") if c != x and points[c].nunique() > 1)]
@@ -235,8 +234,11 @@ def draw_size(measured):
             drawn = np.polyfit(x, ensemble.draws(line, judgement).T, 1)
             at = np.array([0, x.max()])
             axes.plot(at, limit + slope * at, color=plotting.COLORS[0], lw=1.1, label="line, $N$ ≥ 16")
+            off = (line[judgement] - limit - slope * x) / line[judgement + "_error"]
+            chi2 = float((off**2).sum() / (len(x) - 2))
             limits.append(Quantity(f"fraction of {raft.JUDGEMENTS[judgement]} as N goes to infinity", limit,
-                                   float(ensemble.spread(drawn[1])), published.COMPETING))
+                                   float(ensemble.spread(drawn[1])), published.COMPETING,
+                                   f"the points leave the line (χ²/dof {chi2:.1f})" if chi2 > _STRAIGHT else "", chi2 <= _STRAIGHT))
         axes.plot([0, 1 / np.sqrt(published.NO_COMPETING)], [published.COMPETING.value, 0], "-.", color="0.3", lw=1.0,
                   label="[T], as described")
         axes.plot(0, published.COMPETING.value, "k*", ms=9, clip_on=False)

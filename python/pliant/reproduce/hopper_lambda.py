@@ -58,7 +58,14 @@ def _crossovers(exponents, by, dim, label, known):
     return curves, quantities
 
 
-def _draw_crossovers(axes, curves, dim, lam_c, **legend):
+def _lambda_label(table, dim, symbol=r"\lambda"):
+    """Label of an axis of lambda, which `with_limit` divides where drag is per mass."""
+    if "drag" in table and (table.loc[table["dim"] == dim, "drag"] == "per_mass").any():
+        return rf"${symbol}$ in numbers of the program ($\zeta/\mu$: times {published.CODE_LAMBDA[dim]:.1f})"
+    return LAMBDA if symbol == r"\lambda" else f"${symbol}$"
+
+
+def _draw_crossovers(axes, curves, dim, lam_c, x_label, **legend):
     finite = np.concatenate([group["lam"][(group["lam"] > 0) & np.isfinite(group["lam"])] for _, group, *_ in curves])
     low, high = (finite.min(), finite.max()) if len(finite) else (1e-3, 1)
     edges = low / 6, high * 6  # where lambda = 0 and infinity are drawn
@@ -80,7 +87,7 @@ def _draw_crossovers(axes, curves, dim, lam_c, **legend):
     axes.plot([], [], color="0.4", lw=1.2, label="corrected [H 14], free ends")
     axes.plot([], [], "--", color="0.4", lw=0.9, label="with the published ends")
     axes.plot([], [], "-.", color="0.55", lw=0.9, label=r"published $\lambda_c$")
-    axes.set(xscale="log", xlabel=LAMBDA, ylabel=BETA, xlim=edges)
+    axes.set(xscale="log", xlabel=x_label, ylabel=BETA, xlim=edges)
     ticks = [edges[0], *10.0 ** np.arange(np.ceil(np.log10(low)), np.floor(np.log10(high)) + 0.5), edges[1]]
     axes.set_xticks(ticks, labels=["0", *(f"{t:g}" for t in ticks[1:-1]), r"$\infty$"])
     axes.minorticks_off()
@@ -107,7 +114,7 @@ def draw_lambda(measured, value="Q"):
     quantities = []
     for axes, (dim, exponents) in zip(panels[0], every):
         curves, found = _crossovers(exponents, by, dim, model_label, lambda key, dim=dim: published.LAMBDA_C[dim])
-        _draw_crossovers(axes, curves, dim, [published.LAMBDA_C[dim]])
+        _draw_crossovers(axes, curves, dim, [published.LAMBDA_C[dim]], _lambda_label(table, dim))
         axes.set_title(f"{dim}D", loc="left")
         quantities += [_renamed(q, dim) for q in found]
     return figure, quantities
@@ -121,7 +128,7 @@ def draw_corrected(measured):
     quantities = []
     for axes, (mark, exponents) in zip(panels, rates):
         curves, found = _crossovers(exponents, MODEL, 2, model_label, lambda key: published.LAMBDA_C[2])
-        _draw_crossovers(axes, curves, 2, [published.LAMBDA_C[2]])
+        _draw_crossovers(axes, curves, 2, [published.LAMBDA_C[2]], _lambda_label(table, 2))
         prime = mark.replace("'", "\N{PRIME}")  # the prime of mathtext is hardly visible
         axes.set_ylabel(rf"$\beta${prime}")
         axes.set_title(f"from Q{prime}" + (", corrected for overlaps" if prime else ""), loc="left")
@@ -150,7 +157,7 @@ def _same(table, row):
     return (table[row.index] == row).all(axis=1)
 
 
-def _draw_lambda_c(axes, curves):
+def _draw_lambda_c(axes, curves, y_label):
     """lambda_c against the angle of the hopper, where it is known."""
     for i, (kind, style) in enumerate((("published ends", "o"), ("free ends", "s"))):
         points = [(group["hopper_angle"].iloc[0], fit) for _, group, *fits in curves
@@ -160,7 +167,7 @@ def _draw_lambda_c(axes, curves):
                               fmt=style, capsize=2.5, label=kind)
     axes.plot(list(published.LAMBDA_C_ANGLE), [p.value for p in published.LAMBDA_C_ANGLE.values()], "k*", ms=8,
               label="[H]")
-    axes.set(xlabel=r"$\theta_w$  [degrees]", ylabel=r"$\lambda_c$", yscale="log")
+    axes.set(xlabel=r"$\theta_w$  [degrees]", ylabel=y_label, yscale="log")
     axes.legend()
 
 
@@ -232,8 +239,8 @@ def draw_angles(measured):
     for (left, right), middle, (_, model) in zip(panels, of_lambda_c, models.iterrows()):
         own = [(group.iloc[0], group, *fits) for _, group, *fits in curves if _same(group, model).all()]
         _draw_crossovers(left, [(short(row), *rest) for row, *rest in own], 2, published.LAMBDA_C_ANGLE.values(),
-                         title=model_label(model) if several else "", alignment="left")
-        _draw_lambda_c(middle, own)
+                         _lambda_label(table, 2), title=model_label(model) if several else "", alignment="left")
+        _draw_lambda_c(middle, own, _lambda_label(table, 2, r"\lambda_c").replace(" (", "\n("))
         if several:
             middle.set_title(model_label(model), loc="left")
         if ratios is None:
@@ -250,7 +257,7 @@ def draw_size(measured):
     figure, (left, right) = plt.subplots(1, 2, figsize=(plotting.PAGE, 4.7), layout="constrained")
     curves, quantities = _crossovers(exponents, ["n"], 2, lambda row: f"$N$ = {row['n']:g}",
                                      lambda key: published.LAMBDA_C[2])
-    _draw_crossovers(left, curves, 2, [published.LAMBDA_C[2]])
+    _draw_crossovers(left, curves, 2, [published.LAMBDA_C[2]], _lambda_label(table, 2))
     quantities = [_renamed(q, 2) for q in quantities]
     fits = beverloo.fit_seeds(limits(measured), ["limit", "dim", "n"])
     for i, (limit, name) in enumerate(LIMIT_NAMES.items()):

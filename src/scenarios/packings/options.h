@@ -69,7 +69,7 @@ struct ShearOptions : PackOptions {
 
   Real strain_step = 1e-3;
   std::optional<Real> strain;
-  Index cycles = 0;  ///< of oscillatory quasistatic shear; 0: in one direction
+  Index cycles = 0;  ///< 0: the strain grows in one direction; else cycles of oscillatory quasistatic shear
   ShearControl control = ShearControl::volume;
   std::optional<Real> rate;  ///< of steady shear, in 1/t0; nothing: quasistatic steps
   ShearIntegrator integrator = ShearIntegrator::verlet;

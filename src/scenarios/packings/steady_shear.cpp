@@ -169,8 +169,10 @@ EnergyBudget SteadyShear<D>::budget(const Measured& now) {
 
 template <int D>
 std::vector<SeriesValue> SteadyShear<D>::sample() {
-  check_outlines<D>(this->particles(), this->state().x().data(), "in the flow",
-                    "lower the rate (-shear_rate), or raise the contact energy (-e_c) or the stiffness of the shapes");
+  check_outlines<D>(
+      this->particles(), this->state().x().data(), "in the flow",
+      fmt::format("lower the rate (-shear_rate), or raise the contact energy ({}) or the stiffness of the shapes",
+                  p_.model.option(Role::contact_energy)));
   const Measured now = measure();
   const EnergyBudget b = budget(now);
   const StateView<D> s = this->simulation().view();
