@@ -86,9 +86,10 @@ class QuasistaticShear final : public PackProtocol<D> {
 }  // namespace
 
 Scenario shear_scenario() {
+  const std::string drag = ShearOptions().model.table().with(Role::drag)[0]->name;
   return packing_scenario<ShearOptions>(
       "shear", "simple shear of a jammed packing, quasistatic or at a finite rate",
-      {"model", "dim", "n", "pressure", "strain", "strain_step", "control", "shear_rate", "zeta", "seed", "output"},
+      {"model", "dim", "n", "pressure", "strain", "strain_step", "control", "shear_rate", drag, "seed", "output"},
       "The time of a run is the number of its packings; with -shear_rate its unit is t0 = sigma_avg^(1+d/2) "
       "(rho/eps)^(1/2).",
       []<int D>(const ShearOptions& p, const Ranks& ranks,
