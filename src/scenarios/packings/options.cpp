@@ -264,15 +264,16 @@ void ShearOptions::resolve() {
 
 void ShearOptions::refuse_unread(const Options& options) const {
   PackingOptions::refuse_unread(options);
-  const auto refuse = [&](std::initializer_list<const char*> names, std::string_view reason) {
-    for (const char* name : names)
+  const auto refuse = [&](const std::vector<std::string>& names, std::string_view reason) {
+    for (const std::string& name : names)
       if (options.given(name)) throw InputError("-{} ({}) {}; leave it out", name, options.source(name), reason);
   };
   if (rate)
     refuse({"strain_step", "cycles", "control", "moduli", "modes", "contact_threshold"},
            "with -shear_rate, which makes no packings at equilibrium");
   else
-    refuse({"zeta", "drag", "dt", "integrator", "allow_unstable_dt", "allow_energy_error"},
+    refuse({model.table().with(Role::drag)[0]->name, "drag", "dt", "integrator", "allow_unstable_dt",
+            "allow_energy_error"},
            "without -shear_rate: quasistatic shear has no velocities");
 }
 
