@@ -112,6 +112,13 @@ def test_bad_options_are_refused(options, words, tmp_path):
     assert not (tmp_path / "run").exists()
 
 
+def test_a_start_from_a_file_is_refused(tmp_path):
+    surfaces(tmp_path / "run", t_end=0.1)
+    result = pliant("hopper", **{**SURFACES, "start": tmp_path / "run" / "run.h5", "output": tmp_path / "new"})
+    assert result.returncode == 2 and "start from a packing" in result.stderr
+    assert not (tmp_path / "new").exists()
+
+
 @pytest.mark.ranks
 def test_ranks_agree_with_one(run, tmp_path):
     """Only the order of sums differs, and chaos has no time to grow."""

@@ -222,6 +222,9 @@ void HopperOptions::bind(Options& o) {
 }
 
 void HopperOptions::take_start(const std::optional<Checkpoint>& checkpoint) {
+  if (start.given() && dim == 3 && deformable())
+    throw InputError("-start with -dim 3 and -model {}: runs of deformable surfaces start from a packing; leave it out",
+                     model.name);
   start.take({.dim = dim,
               .model = model.name,
               .polygons = deformable(),

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include <pliant/base/cure.h>
 #include <pliant/base/errors.h>
 #include <pliant/scenarios/particles/options.h>
 
@@ -151,6 +152,8 @@ void PackOptions::bind(Options& o) {
 }
 
 void PackOptions::resolve() {
+  if (dim == 3 && !model.model().space)
+    throw InputError("-model {} does not exist in 3D; use {}", model.name, cures({Cure::two_dimensions}));
   if (modes > points() * dim)
     throw InputError("-modes {}: {} points in {}D have {} modes; give fewer", modes, points(), dim, points() * dim);
   if (!fraction) {
