@@ -42,7 +42,7 @@ def test_help_lists_the_model_and_its_option():
     ({"tension": -1}, "-tension -1"),
     ({"tensoin": 1}, "did you mean -tension?"),
     ({"model": "line"}, "line_tension"),
-    ({"dim": 3}, "-dim 3 with -model line_tension"),
+    ({"dim": 3}, "-model line_tension does not exist in 3D"),
 ))
 def test_options_that_do_not_fit_are_refused(tmp_path, options, message):
     result = own("hopper", output=tmp_path / "run", **{**POLYGONS, **options})
