@@ -12,6 +12,7 @@ class SimulationRun:
 
     scenario = "simulation"
     path = "simulation"
+    counts_packings = False
 
     def __init__(self, sim, model, topology, walls, box):
         self.dim, self.model = sim.dim, model
@@ -54,3 +55,11 @@ class SimulationFrame:
     @functools.cached_property
     def perimeter(self):
         return np.array([np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1).sum() for p in self.polygons])
+
+    @property
+    def content(self):
+        return self.area
+
+    @property
+    def shape_parameter(self):
+        return self.perimeter**2 / (4 * np.pi * self.area)

@@ -148,9 +148,9 @@ Forces<2> shape_alone(ParameterReader& p, const Surroundings<2>& s) {
 const std::array<ModelDefinition, 6>& models() {
   static const std::array<ModelDefinition, 6> all{{
       {"sp", "soft", ModelKind::sp, soft<2>, soft<3>},
-      {"rough", "rough polygons, in 3D rough surfaces", ModelKind::rough, rough, rough_surfaces},
+      {"rough", "rough polygons", ModelKind::rough, rough, rough_surfaces},
       {"smooth", "smooth polygons", ModelKind::smooth, smooth},
-      {"shape", "polygons, in 3D surfaces, without contacts", ModelKind::shape, shape_alone, surfaces_without_contacts},
+      {"shape", "polygons without contacts", ModelKind::shape, shape_alone, surfaces_without_contacts},
       {"bubble", "droplets", ModelKind::bubble, droplets<2>, droplets<3>},
       {"disk", "frictional", ModelKind::disk, frictional<2>, frictional<3>},
   }};

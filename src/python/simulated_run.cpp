@@ -111,6 +111,8 @@ py::dict Simulated<D>::minimize(Real force_tolerance, std::int64_t most_iteratio
     omp_set_num_threads(static_cast<int>(settings_->threads));
     try {
       found = minimise<D>(system, state.x(), options);
+      // Checkpoints store lists by positions at their rebuild, which know nothing of a deformation of the box.
+      if (pressure) system.rebuild(state.x().data(), state.t);
       if constexpr (D == 2)
         if (deformable()) outlines_.start(system, state);
       std::ranges::fill(state.v(), 0.0);

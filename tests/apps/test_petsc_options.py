@@ -58,7 +58,7 @@ RUNS = [
     f"{POLYGONS} -implicit shape -ts_type arkode -ts_arkode_type mri -dt 5e-4 -ts_arkode_fast_table bogacki_shampine",
     f"{RAFT} -ts_type rk -ts_rk_type 4",
     *(f"{RAFT} -mobility_ksp_type cg -mobility_pc_type {pc} -mobility_ksp_monitor -mobility_ksp_converged_reason "
-      "-mobility_ksp_view -ts_rk_type 3bs -ts_rtol 1e-5 -ts_atol 1e-5" for pc in ("bjacobi", "icc")),
+      "-mobility_ksp_view -ts_rk_type 3bs -ts_rtol 1e-5 -ts_atol 1e-8" for pc in ("bjacobi", "icc")),
     f"{CLOG} -ts_monitor -log_view",
 ]
 

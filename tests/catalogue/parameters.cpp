@@ -139,21 +139,23 @@ TEST_CASE("values of parameters by name or role") {
 
 TEST_CASE("units follow from dimensions") {
   const UnitSystem g = UnitSystem::gravitational(), drop = UnitSystem::droplets(), cgs = UnitSystem::cgs();
-  CHECK(g.text(dimension::energy, true) == "rho g sigma_avg^(d+1)");
-  CHECK(g.text(dimension::force, true) == "rho g sigma_avg^d");
-  CHECK(g.text(dimension::energy, false) == "rho g sigma_avg^3");
-  CHECK(g.text({1, -3, 0}, false) == "rho g/sigma_avg");
-  CHECK(g.text({1, -1, 0}, false) == "rho g sigma_avg");
-  CHECK(g.text({1, 3, 0}, false) == "rho g sigma_avg^5");
-  CHECK(g.text(dimension::drag, true) == "rho g sigma_avg^(d-1) t0");
-  CHECK(g.text(dimension::length, true) == "sigma_avg");
-  CHECK(g.text(dimension::number, true).empty());
-  CHECK(drop.text(dimension::energy, false) == "F R");
-  CHECK(drop.text(dimension::drag, false) == "F t0/R");
-  CHECK(cgs.text({1, -1, 0}, false) == "g/s^2");
-  CHECK(cgs.text(dimension::drag, false) == "g/s");
-  CHECK(cgs.text(dimension::acceleration, false) == "cm/s^2");
-  CHECK(cgs.text({0, 0, -1}, false) == "1/s");
+  CHECK(g.text(dimension::energy, 0) == "rho g sigma_avg^(d+1)");
+  CHECK(g.text(dimension::energy, 3) == "rho g sigma_avg^4");
+  CHECK(g.text({1, -5, 0}, 3) == "rho g/sigma_avg^2");
+  CHECK(g.text(dimension::force, 0) == "rho g sigma_avg^d");
+  CHECK(g.text(dimension::energy, 2) == "rho g sigma_avg^3");
+  CHECK(g.text({1, -3, 0}, 2) == "rho g/sigma_avg");
+  CHECK(g.text({1, -1, 0}, 2) == "rho g sigma_avg");
+  CHECK(g.text({1, 3, 0}, 2) == "rho g sigma_avg^5");
+  CHECK(g.text(dimension::drag, 0) == "rho g sigma_avg^(d-1) t0");
+  CHECK(g.text(dimension::length, 0) == "sigma_avg");
+  CHECK(g.text(dimension::number, 0).empty());
+  CHECK(drop.text(dimension::energy, 2) == "F R");
+  CHECK(drop.text(dimension::drag, 2) == "F t0/R");
+  CHECK(cgs.text({1, -1, 0}, 2) == "g/s^2");
+  CHECK(cgs.text(dimension::drag, 2) == "g/s");
+  CHECK(cgs.text(dimension::acceleration, 2) == "cm/s^2");
+  CHECK(cgs.text({0, 0, -1}, 2) == "1/s");
 }
 
 TEST_CASE("all parameters of the catalogue say what they are, once") {

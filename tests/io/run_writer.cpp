@@ -181,6 +181,7 @@ TEST_CASE("frames hold the fields that they are to hold") {
     for (const std::string_view field : frame_field_names) {
       const bool wanted = lists[k] == "all" || lists[k].find(field) != std::string::npos;
       const bool known = field != "angles" && field != "spins" && field != "particle_stress" && field != "modes" &&
+                         field != "volume" && field != "surface_area" &&
                          (polygons || (field != "area" && field != "perimeter"));
       const bool in_other = field == "contacts" && lists[k].starts_with("wall");
       CHECK(frame.has(std::string(field)) == (wanted && known && !in_other));
@@ -188,7 +189,7 @@ TEST_CASE("frames hold the fields that they are to hold") {
   }
   const auto message = message_of<InputError>([] { parse_frame_fields("velocities,speed"); });
   CHECK_THAT(message, Contains("'speed'") &&
-                          Contains("velocities, angles, spins, area, perimeter, reinsertions, "
+                          Contains("velocities, angles, spins, area, perimeter, volume, surface_area, reinsertions, "
                                    "contact_count, particle_stress, modes, contacts, wall_contacts, wall_force"));
   for (const char* wrong : {"", "velocities,", "All", "positions contacts"})
     CHECK_THROWS_AS(parse_frame_fields(wrong), InputError);

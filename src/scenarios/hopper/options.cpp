@@ -64,7 +64,7 @@ void HopperOptions::bind(Options& o) {
   explain_units(o);
   model.bind(o, UnitSystem::gravitational());
   o.bind("dim", dim,
-         {.help = "dimension; 3 for sp, rough and disk",
+         {.help = "dimension; 3 for sp, disk, and rough (closed surfaces)",
           .min = 2,
           .max = 3,
           .cures = {{Cure::two_dimensions, "2"}, {Cure::three_dimensions, "3"}},

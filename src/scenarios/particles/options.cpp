@@ -34,7 +34,7 @@ void bind_shape(Options& options, PolygonShape& shape) {
                 .cures = {Cure::even_vertices, Cure::more_vertices},
                 .on_restart = fixed});
   options.bind("shape_parameter", shape.shape_parameter,
-               {.help = "A0 = perimeter^2/(4 pi area) at rest, 3D area^(3/2)/(6 sqrt(pi) volume); 0: regular",
+               {.help = "A0 = perimeter^2/(4 pi area), 3D area^1.5/(6 sqrt(pi) volume); 0: regular",
                 .min = 0,
                 .cures = {Cure::rounder_shape},
                 .on_restart = fixed});
