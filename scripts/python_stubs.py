@@ -35,17 +35,17 @@ def stub():
     text = HEAD
     for name, _, _, table in core.scenarios():
         if any(entry["name"] == "ensemble" for entry in table):
-            # The first that fits counts.
-            text += "@overload\n" + signature(name, table, "Run", "Literal[0] | None = 0")
+            # The first that fits counts; mypy warns that 0 is an int, too.
+            text += "@overload\n" + signature(name, table, "Run", "Literal[0] | None = 0", "  # type: ignore[misc]")
             text += "@overload\n" + signature(name, table, "Ensemble", "int")
         else:
             text += signature(name, table, "Run")
     return text
 
 
-def signature(name, table, result, ensemble=None):
-    """A scenario that returns `result`; ensemble: type and default of the option `ensemble`."""
-    text = f"def {name}(*,\n"
+def signature(name, table, result, ensemble=None, remark=""):
+    """A scenario that returns `result`; ensemble: type and default of the option `ensemble`; remark: of the first line."""
+    text = f"def {name}(*,{remark}\n"
     for entry in table:
         kind = f"Literal[{', '.join(map(repr, entry['choices']))}]" if entry["choices"] else TYPES[entry["type"]]
         default = None if entry["default"] == "" else entry["default"]

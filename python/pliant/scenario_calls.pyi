@@ -15,7 +15,7 @@ def call(scenario: str, options: Mapping[str, Any], progress: bool | None = None
 def option_lines(table: list[dict[str, Any]], indent: str = "") -> list[str]: ...
 def evaluate(case: Mapping[str, Any] | str | PathLike[str], name: str = "case") -> dict[str, Any]: ...
 @overload
-def hopper(*,
+def hopper(*,  # type: ignore[misc]
     model: Literal['sp', 'rough', 'smooth', 'disk'] | None = 'sp',
     contact_law: Literal['harmonic', 'hertz', 'linear', 'barrier', 'spring'] | None = 'harmonic',
     e_sp: float | None = 100.0,
@@ -193,7 +193,7 @@ def hopper(*,
     quiet: bool = False,
     **petsc: str | float | bool | None) -> Ensemble: ...
 @overload
-def raft(*,
+def raft(*,  # type: ignore[misc]
     f0: float | None = 10.0,
     phi_c: float | None = 0.0001,
     a_s: float | None = 0.05,
@@ -281,7 +281,7 @@ def raft(*,
     quiet: bool = False,
     **petsc: str | float | bool | None) -> Ensemble: ...
 @overload
-def clog(*,
+def clog(*,  # type: ignore[misc]
     f0: float | None = 10.0,
     phi_c: float | None = 0.0001,
     a_s: float | None = 0.05,
@@ -363,7 +363,7 @@ def clog(*,
     quiet: bool = False,
     **petsc: str | float | bool | None) -> Ensemble: ...
 @overload
-def channel(*,
+def channel(*,  # type: ignore[misc]
     geometry: Literal['L', 'T', 'X', 'straight'] | None = 'L',
     channel_width: float | None = 20.5,
     channel_arm: float | None = 37.7,
@@ -519,7 +519,7 @@ def channel(*,
     quiet: bool = False,
     **petsc: str | float | bool | None) -> Ensemble: ...
 @overload
-def pack(*,
+def pack(*,  # type: ignore[misc]
     model: Literal['sp', 'rough', 'smooth'] | None = 'sp',
     contact_law: Literal['harmonic', 'hertz', 'linear', 'barrier'] | None = 'harmonic',
     e_sp: float | None = 1.0,
@@ -627,7 +627,7 @@ def pack(*,
     quiet: bool = False,
     **petsc: str | float | bool | None) -> Ensemble: ...
 @overload
-def shear(*,
+def shear(*,  # type: ignore[misc]
     model: Literal['sp', 'rough', 'smooth'] | None = 'sp',
     contact_law: Literal['harmonic', 'hertz', 'linear', 'barrier'] | None = 'harmonic',
     e_sp: float | None = 1.0,
