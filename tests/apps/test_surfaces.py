@@ -1,10 +1,8 @@
 """Deformable particles in 3D: closed surfaces that flow through a hopper."""
 
-import subprocess
-
 import numpy as np
 import pytest
-from conftest import HANGS, PROGRAM, Results, arguments, assert_same_runs, hopper, pliant, stopped_until_done
+from conftest import Results, assert_same_runs, hopper, pliant, stopped_until_done
 
 # Twelve particles of 42 vertices.
 SURFACES = {"model": "rough", "dim": 3, "n": 12, "hopper_wall_distance": 4, "hopper_width": 2, "zeta": 0.3, "mu": 0.2,
@@ -117,14 +115,3 @@ def test_a_start_from_a_file_is_refused(tmp_path):
     result = pliant("hopper", **{**SURFACES, "start": tmp_path / "run" / "run.h5", "output": tmp_path / "new"})
     assert result.returncode == 2 and "start from a packing" in result.stderr
     assert not (tmp_path / "new").exists()
-
-
-@pytest.mark.ranks
-def test_ranks_agree_with_one(run, tmp_path):
-    """Only the order of sums differs, and chaos has no time to grow."""
-    options = {**SURFACES, "t_end": 0.5, "output": tmp_path / "run"}
-    subprocess.run(["mpiexec", "-n", "3", PROGRAM, "hopper", *arguments(options)], check=True, timeout=HANGS)
-    several = Results(tmp_path / "run")
-    for n, frame in enumerate(several.frames):
-        np.testing.assert_allclose(frame["positions"], run.frames[n]["positions"], atol=1e-9)
-        np.testing.assert_allclose(frame["volume"], run.frames[n]["volume"], atol=1e-9)
