@@ -18,7 +18,7 @@ namespace pliant {
 
 enum class ModelKind {
   sp,      ///< soft particles, 2D and 3D [H 2.2]
-  rough,   ///< deformable particles, every vertex a disk [H 2.3]
+  rough,   ///< deformable particles, every vertex a disk, in 3D a sphere [H 2.3]
   smooth,  ///< deformable particles, every edge a circulo-line [H App. A]
   shape,   ///< deformable particles without contacts
   bubble,  ///< droplets with depletion attraction, 2D and 3D [T 2.2, 4.2]
@@ -83,9 +83,9 @@ ModelDefinition own_model(std::string name, std::string help, ModelKind particle
   return own;
 }
 
-/// The weight of a droplet is ρ g R³ [T 4.6]: give the droplet the mass ρ R³. Errors: InputError for a deformable model
-/// or a substrate in 3D, for a substrate under particles other than disks and rough particles, for a contact law that
-/// the model does not have, or for friction whose dynamic coefficient exceeds the static one.
+/// The weight of a droplet is ρ g R³ [T 4.6]: give the droplet the mass ρ R³. Errors: InputError for a model that does
+/// not exist in D dimensions, for a substrate in 3D or under particles other than disks and rough particles, for a
+/// contact law that the model does not have, or for friction whose dynamic coefficient exceeds the static one.
 template <int D>
 std::unique_ptr<ForceField<D>> make_force_field(ModelKind kind, ParameterReader& p, const Surroundings<D>& s = {});
 template <int D>
