@@ -300,6 +300,25 @@ def draw_particles(axes, run, frame, colors, edge_shade=0.78, scale=None):
     return artist, scale
 
 
+class ForceLines:
+    """Colours and widths of lines that show contact forces [n], with the colour bar of `axes`. label: with the unit."""
+
+    def __init__(self, figure, axes, force, label):
+        # The lightest part of the map would vanish on pale particles.
+        self._cmap = ListedColormap(plt.get_cmap("magma_r")(np.linspace(0.2, 0.95, 256)))
+        self._force, self._top = force, np.quantile(force, 0.99)
+        self._norm = Normalize(0, self._top)
+        bar = figure.colorbar(plt.cm.ScalarMappable(self._norm, self._cmap), ax=axes, aspect=30, pad=0.02, fraction=0.05,
+                              extend="max" if force.max() > self._top else "neither", label=label)
+        bar.outline.set_linewidth(0.6)
+
+    def draw(self, axes, lines, scale, which=slice(None)):
+        """Draws lines [m, 2, 2] of the forces `which`; scale: points per unit of length."""
+        widths = np.clip(self._force / self._top, 0.04, 1) * 0.35 * scale  # the widest line is a third of a particle
+        axes.add_collection(LineCollection(lines, colors=self._cmap(self._norm(self._force[which])), linewidths=widths[which],
+                                           capstyle="round", zorder=3), autolim=False)
+
+
 def panel_figure(runs, boxes, height=4.6):
     """Figure and axes for one drawing per run and view box, side by side at a common height of the panels."""
     shapes = [(b[1] - b[0]) / (b[3] - b[2]) for b in boxes]

@@ -8,10 +8,7 @@ from pathlib import Path
 sys.path[0] = str(Path(__file__).resolve().parents[1])
 import pliant  # first, because it reports missing packages
 
-import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.collections import LineCollection
-from matplotlib.colors import ListedColormap, Normalize
 
 from pliant import Run, RunError
 from pliant import plotting, script
@@ -55,19 +52,9 @@ def main():
     figure, (ax,) = plotting.panel_figure([run], [box])
     ax.set_title(f"{plotting.model_name(run)},  {plotting.time_label(run, frame)}")
     plotting.draw_walls(ax, run, frame)
-    # The lightest part of the map would vanish on the pale particles.
-    cmap = ListedColormap(plt.get_cmap("magma_r")(np.linspace(0.2, 0.95, 256)))
-    top = np.quantile(force, 0.99)
-    norm = Normalize(0, top)
-    bar = figure.colorbar(plt.cm.ScalarMappable(norm, cmap), ax=ax, aspect=30, pad=0.02, fraction=0.05,
-                          extend="max" if force.max() > top else "neither",
-                          label=rf"contact force  $|f|$  [$\rho g\sigma_{{avg}}^{run.dim}$]")
-    bar.outline.set_linewidth(0.6)
+    drawn = plotting.ForceLines(figure, ax, force, rf"contact force  $|f|$  [$\rho g\sigma_{{avg}}^{run.dim}$]")
     _, scale = plotting.draw_particles(ax, run, frame, plotting.PALE, edge_shade=0.9)
-    # The widest line is a third of a particle.
-    widths = np.clip(force / top, 0.04, 1) * 0.35 * scale
-    ax.add_collection(LineCollection(lines, colors=cmap(norm(force)), linewidths=widths, capstyle="round", zorder=3),
-                      autolim=False)
+    drawn.draw(ax, lines, scale)
     plotting.save(figure, arguments.output)
 
 

@@ -10,8 +10,7 @@ import pliant  # first, because it reports missing packages
 
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.collections import PolyCollection
 
 from pliant import Run, RunError
 from pliant import plotting, script
@@ -64,19 +63,11 @@ def draw_forces(figure, ax, run, frame):
     ends = [place + nearest_image(frame.centres[one] - place, frame.box[1], frame.tilt) for one in (first, second)]
     order = np.argsort(force, kind="stable")
     lines, force = np.stack(ends, axis=1)[order], force[order]
-    cmap = ListedColormap(plt.get_cmap("magma_r")(np.linspace(0.2, 0.95, 256)))
-    top = np.quantile(force, 0.99)
-    norm = Normalize(0, top)
-    bar = figure.colorbar(plt.cm.ScalarMappable(norm, cmap), ax=ax, aspect=30, pad=0.02, fraction=0.05,
-                          extend="max" if force.max() > top else "neither",
-                          label=r"contact force  $|f|$  [$\epsilon/\sigma_{avg}$]")
-    bar.outline.set_linewidth(0.6)
+    drawn = plotting.ForceLines(figure, ax, force, r"contact force  $|f|$  [$\epsilon/\sigma_{avg}$]")
     scale = draw_background(ax, run, frame)
-    widths = np.clip(force / top, 0.04, 1) * 0.35 * scale
     for shift in images(frame):
         seen = in_view(lines + shift, frame).any(axis=1)
-        ax.add_collection(LineCollection(lines[seen] + shift, colors=cmap(norm(force[seen])), linewidths=widths[seen],
-                                         capstyle="round", zorder=3), autolim=False)
+        drawn.draw(ax, lines[seen] + shift, scale, seen)
     return ""
 
 

@@ -490,13 +490,20 @@ const std::string& Options::source(const std::string& name) const {
   throw std::logic_error("option -" + name + " is not declared");
 }
 
+namespace {
+
+std::string unit_of(const OptionSpec& spec) { return spec.unit_of_run ? spec.unit_of_run() : spec.unit; }
+Json default_of(const auto& option) {
+  return option.spec.default_of_run ? Json(option.spec.default_of_run()) : option.default_value;
+}
+
+}  // namespace
+
 Json Options::reference() const {
   Json result = Json::object();
   for (const Option& option : options_) {
     const OptionSpec& spec = option.spec;
-    Json& entry =
-        result[option.name] = {{"default", spec.default_of_run ? Json(spec.default_of_run()) : option.default_value},
-                               {"unit", spec.unit_of_run ? spec.unit_of_run() : spec.unit}};
+    Json& entry = result[option.name] = {{"default", default_of(option)}, {"unit", unit_of(spec)}};
     if (!spec.symbol.empty()) entry["symbol"] = spec.symbol;
     if (spec.term) entry["models"] = spec.models;
   }
@@ -507,11 +514,8 @@ Json Options::json() const {
   Json result = Json::object();
   for (const Option& option : options_) {
     const OptionSpec& spec = option.spec;
-    Json entry = {{"value", value(option)},
-                  {"unit", spec.unit_of_run ? spec.unit_of_run() : spec.unit},
-                  {"source", option.source}};
-    entry["is_default"] = option.source == "default" ||
-                          entry["value"] == (spec.default_of_run ? Json(spec.default_of_run()) : option.default_value);
+    Json entry = {{"value", value(option)}, {"unit", unit_of(spec)}, {"source", option.source}};
+    entry["is_default"] = option.source == "default" || entry["value"] == default_of(option);
     if (!option.spec.symbol.empty()) entry["symbol"] = option.spec.symbol;
     if (option.spec.term) {
       const std::optional<std::string> term = option.spec.term();

@@ -2,7 +2,6 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <limits>
 #include <numeric>
 #include <vector>
 
@@ -13,18 +12,12 @@ namespace {
 
 constexpr Real sharpest_fold = -0.5;  ///< n̂·n̂'
 
-struct Bounds {
-  Vec<3> low = Vec<3>::Constant(std::numeric_limits<Real>::infinity()), high = -low;
-  void add(const Vec<3>& r) { low = low.cwiseMin(r), high = high.cwiseMax(r); }
-  bool meets(const Bounds& other) const {
-    return (low.array() <= other.high.array()).all() && (other.low.array() <= high.array()).all();
-  }
-};
+using Bounds = Eigen::AlignedBox<Real, 3>;
 
 template <class... Points>
 Bounds around(const Points&... points) {
   Bounds b;
-  (b.add(points), ...);
+  (b.extend(points), ...);
   return b;
 }
 
@@ -37,7 +30,7 @@ class Look {
  public:
   explicit Look(const StateView<3>& s) : s_(s), bounds_(static_cast<std::size_t>(s.topology.particles())) {
     for (Index m = 0; m < s.topology.particles(); ++m)
-      for (Index i = s.topology.offset[m]; i < s.topology.offset[m + 1]; ++i) bounds_[m].add(s.position(i));
+      for (Index i = s.topology.offset[m]; i < s.topology.offset[m + 1]; ++i) bounds_[m].extend(s.position(i));
   }
 
   SurfacesLook all() {
@@ -81,13 +74,12 @@ class Look {
     std::vector<Index> order;
     for (Index m = 0; m < t.particles(); ++m)
       if (t.active[m] != 0) order.push_back(m);
-    std::ranges::sort(order, {}, [&](Index m) { return std::pair(bounds_[m].low[0], m); });
+    std::ranges::sort(order, {}, [&](Index m) { return std::pair(bounds_[m].min()[0], m); });
     for (std::size_t k = 0; k < order.size() && !seen_.piercing; ++k)
-      for (std::size_t j = k + 1; j < order.size() && bounds_[order[j]].low[0] <= bounds_[order[k]].high[0]; ++j) {
+      for (std::size_t j = k + 1; j < order.size() && bounds_[order[j]].min()[0] <= bounds_[order[k]].max()[0]; ++j) {
         const Index m = order[k], n = order[j];
-        if ((m >= t.owned() && n >= t.owned()) || !bounds_[m].meets(bounds_[n])) continue;
-        Bounds common = bounds_[m];
-        common.low = common.low.cwiseMax(bounds_[n].low), common.high = common.high.cwiseMin(bounds_[n].high);
+        if ((m >= t.owned() && n >= t.owned()) || !bounds_[m].intersects(bounds_[n])) continue;
+        const Bounds common = bounds_[m].intersection(bounds_[n]);
         seen_.piercing = find(m, n, common);
         if (!seen_.piercing) seen_.piercing = find(n, m, common);
         if (seen_.piercing) return;
@@ -102,15 +94,15 @@ class Look {
     for (std::size_t f = 0; f < second.faces.size(); ++f) {
       const auto& [a, b, c] = second.faces[f];
       const Bounds own = around(at(n, a), at(n, b), at(n, c));
-      if (own.meets(where)) faces_.push_back({static_cast<Index>(f), own});
+      if (own.intersects(where)) faces_.push_back({static_cast<Index>(f), own});
     }
     if (faces_.empty()) return {};
     for (const Hinge& h : first.hinges) {
       const Vec<3> p = at(m, h.a), q = at(m, h.b);
       const Bounds edge = around(p, q);
-      if (!edge.meets(where)) continue;
+      if (!edge.intersects(where)) continue;
       for (const auto& [f, bounds] : faces_) {
-        if (!bounds.meets(edge)) continue;
+        if (!bounds.intersects(edge)) continue;
         const auto& [a, b, c] = second.faces[static_cast<std::size_t>(f)];
         const auto ends_at = [&](Index i) { return i == h.a || i == h.b; };
         if (m == n && (ends_at(a) || ends_at(b) || ends_at(c))) continue;

@@ -220,9 +220,10 @@ FrameData<D>::FrameData(ParticleSystem<D>& system, const State& state, const std
   }
   if (stress) {
     std::vector<Real> upper;
-    for (const Mat<D>& m : particle_stress(system, state.x(), state.v(), state.t))
-      for (int a = 0; a < D; ++a)
-        for (int b = a; b < D; ++b) upper.push_back((m(a, b) + m(b, a)) / 2);
+    for (const Mat<D>& m : particle_stress(system, state.x(), state.v(), state.t)) {
+      const std::vector<Real> own = upper_triangle<D>(m);
+      upper.insert(upper.end(), own.begin(), own.end());
+    }
     particle_stress_ = order.particles<Real>(upper, D * (D + 1) / 2);
   }
   if (modes != nullptr && topology.owned_points() > 0) {

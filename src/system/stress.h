@@ -8,6 +8,15 @@
 
 namespace pliant {
 
+/// The upper triangle of a symmetric matrix: xx, xy, yy; in 3D xx, xy, xz, yy, yz, zz.
+template <int D>
+std::vector<Real> upper_triangle(const Mat<D>& m) {
+  std::vector<Real> values;
+  for (int a = 0; a < D; ++a)
+    for (int b = a; b < D; ++b) values.push_back((m(a, b) + m(b, a)) / 2);
+  return values;
+}
+
 /// Kinetic part of the stress of point i, times the volume: −m w ⊗ w, with the velocity w relative to the flow of the
 /// box. Tension is positive.
 template <int D>

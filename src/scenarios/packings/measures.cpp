@@ -5,14 +5,30 @@
 
 #include <pliant/model/crossing.h>
 #include <pliant/model/polygon.h>
+#include <pliant/setup/particles.h>
 
 namespace pliant {
+namespace {
 
+/// A square or cube with this packing fraction of particles in their rest shapes.
 template <int D>
 Box<D> box_of_fraction(const Topology& particles, Real fraction) {
   Real content = 0;
   for (const Real a0 : particles.a0) content += a0;
   return {Vec<D>::Zero(), Vec<D>::Constant(std::pow(content / fraction, Real(1) / D))};
+}
+
+}  // namespace
+
+template <int D>
+std::pair<Topology, ParticleSystem<D>> particles_in_box(const PackingOptions& p, const Ranks& ranks) {
+  if (ranks.several())
+    throw InputError("packings are made on one rank: start the program without mpiexec, and give -threads");
+  Topology all = make_particles(p.model.particles(), D,
+                                draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)), p.shape);
+  ParticleSystem<D> particles({}, {}, p.model.force_field<D>({}), usual_skin(p.model.particles(), D), ranks,
+                              box_of_fraction<D>(all, *p.fraction));
+  return {std::move(all), std::move(particles)};
 }
 
 template <int D>
@@ -55,8 +71,8 @@ void check_overlaps(ParticleSystem<D>& system, const Real* x) {
   });
 }
 
-template Box<2> box_of_fraction<2>(const Topology&, Real);
-template Box<3> box_of_fraction<3>(const Topology&, Real);
+template std::pair<Topology, ParticleSystem<2>> particles_in_box<2>(const PackingOptions&, const Ranks&);
+template std::pair<Topology, ParticleSystem<3>> particles_in_box<3>(const PackingOptions&, const Ranks&);
 template Real packing_fraction<2>(const ParticleSystem<2>&, const Real*);
 template Real packing_fraction<3>(const ParticleSystem<3>&, const Real*);
 template void check_overlaps<2>(ParticleSystem<2>&, const Real*);

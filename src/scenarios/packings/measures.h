@@ -2,24 +2,17 @@
 #pragma once
 
 #include <string_view>
-#include <vector>
+#include <utility>
 
-#include <pliant/system/particle_system.h>
+#include <pliant/scenarios/packings/options.h>
+#include <pliant/system/stress.h>
 
 namespace pliant {
 
-/// The upper triangle of a symmetric matrix: xx, xy, yy; in 3D xx, xy, xz, yy, yz, zz.
+/// All particles of a run, and the system that they will join in a box of the fraction of the start. Errors: InputError
+/// on several ranks.
 template <int D>
-std::vector<Real> upper_triangle(const Mat<D>& m) {
-  std::vector<Real> values;
-  for (int a = 0; a < D; ++a)
-    for (int b = a; b < D; ++b) values.push_back((m(a, b) + m(b, a)) / 2);
-  return values;
-}
-
-/// A square or cube with this packing fraction of particles in their rest shapes.
-template <int D>
-Box<D> box_of_fraction(const Topology& particles, Real fraction);
+std::pair<Topology, ParticleSystem<D>> particles_in_box(const PackingOptions& p, const Ranks& ranks);
 
 /// Σ a0/V of soft particles, which counts overlaps twice; Σ of the present areas over V for polygons. x [size of the
 /// system].
@@ -36,8 +29,8 @@ void check_outlines(ParticleSystem<D>& system, const Real* x, std::string_view w
 template <int D>
 void check_overlaps(ParticleSystem<D>& system, const Real* x);
 
-extern template Box<2> box_of_fraction<2>(const Topology&, Real);
-extern template Box<3> box_of_fraction<3>(const Topology&, Real);
+extern template std::pair<Topology, ParticleSystem<2>> particles_in_box<2>(const PackingOptions&, const Ranks&);
+extern template std::pair<Topology, ParticleSystem<3>> particles_in_box<3>(const PackingOptions&, const Ranks&);
 extern template Real packing_fraction<2>(const ParticleSystem<2>&, const Real*);
 extern template Real packing_fraction<3>(const ParticleSystem<3>&, const Real*);
 extern template void check_overlaps<2>(ParticleSystem<2>&, const Real*);

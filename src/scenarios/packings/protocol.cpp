@@ -25,12 +25,7 @@ constexpr Index most_drawn = 20;
 
 template <int D>
 std::unique_ptr<Simulation<D>> make_simulation(const PackingOptions& p, const Ranks& ranks) {
-  if (ranks.several())
-    throw InputError("packings are made on one rank: start the program without mpiexec, and give -threads");
-  Topology all = make_particles(p.model.particles(), D,
-                                draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)), p.shape);
-  ParticleSystem<D> particles({}, {}, p.model.force_field<D>({}), usual_skin(p.model.particles(), D), ranks,
-                              box_of_fraction<D>(all, *p.fraction));
+  auto [all, particles] = particles_in_box<D>(p, ranks);
   return std::make_unique<Simulation<D>>(std::move(all), std::move(particles), Sorting::at_start);
 }
 

@@ -33,12 +33,7 @@ PackOptions preparation(const ShearOptions& p) {
 
 template <int D>
 std::unique_ptr<Simulation<D>> make_simulation(const ShearOptions& p, const Ranks& ranks) {
-  if (ranks.several())
-    throw InputError("packings are made on one rank: start the program without mpiexec, and give -threads");
-  Topology all = make_particles(p.model.particles(), D,
-                                draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)), p.shape);
-  ParticleSystem<D> particles({}, {}, p.model.force_field<D>({}), usual_skin(p.model.particles(), D), ranks,
-                              box_of_fraction<D>(all, *p.fraction));
+  auto [all, particles] = particles_in_box<D>(p, ranks);
   particles.tune_skin();
   // Methods that remember steps forget them when particles are sorted.
   const Sorting sorting = p.integrator == ShearIntegrator::verlet ? Sorting::regularly : Sorting::at_start;
