@@ -15,6 +15,7 @@
 #include <pliant/base/multiversion.h>
 #include <pliant/geometry/box_tree.h>
 #include <pliant/geometry/motion.h>
+#include <pliant/geometry/revolution.h>
 #include <pliant/geometry/solid.h>
 
 namespace pliant {
@@ -33,6 +34,7 @@ struct WallSegment {
   }
   static WallSegment disk(const Vec<2>& centre, Real radius) { return {centre, {1, 0}, 0, radius}; }
 
+  MeridianSegment<Real> meridian() const { return {origin[0], origin[1], direction[0], direction[1], length}; }
   bool sphere_on_axis() const { return length == 0 && origin[0] == 0; }
   Vec<2> end() const { return length > 0 ? Vec<2>(origin + length * direction) : origin; }
 };
@@ -173,6 +175,8 @@ class Walls {
     const Solid<D>& s = solid_of(part);
     return still_ ? s : s.at(pose_of(part, t));
   }
+  /// Whether all walls rest in the laboratory frame.
+  bool rest() const { return still_; }
   /// Whether all walls are segments at rest, for which there are kernels.
   bool resting_segments() const { return still_ && solids_.empty(); }
   /// Whether all parts but solids are segments without radius: no disks, no joints.
@@ -396,45 +400,33 @@ class Walls {
   }
 
   /// In the frame of the body.
-  WallFoot<D> foot_in(const Vec<D>& r, Index part) const {
+  PLIANT_INLINE WallFoot<D> foot_in(const Vec<D>& r, Index part) const {
     const WallSegment& wall = parts_[part];
     const Vec<2> on_meridian = meridian(r), p = seen(on_meridian, wall);
-    const Vec<2> q = offset(p, wall);
+    const MeridianDistance<Real> at(p[0], p[1], wall.meridian());
+    const Vec<2> n(at.n_rho, at.n_z);
     WallFoot<D> result;
-    const Real d = q.norm();
-    result.d = d - wall.radius;
-    const Vec<2> n = direction<2>(q, d);
+    result.d = at.d - wall.radius;
     result.n = lift(r, on_meridian, n, wall);
-    const Real along = (p - wall.origin).dot(wall.direction);
-    const bool end = along <= 0 || along >= wall.length;
-    const Mat<2> flat = end ? distance_curvature<2>(n, d) : Mat<2>(Mat<2>::Zero());
     if constexpr (D == 2) {
-      result.curvature = flat;
-    } else if (rounds(on_meridian, wall)) {
-      const RoundedRadius rounded(on_meridian[0]);
-      const Vec<3> e_z(0, 0, 1),
-          e_rho = on_meridian[0] > 0 ? Vec<3>(Vec<3>(r[0], r[1], 0) / on_meridian[0]) : Vec<3>(Vec<3>::UnitX()),
-          e_phi(-e_rho[1], e_rho[0], 0);
-      const Real slope = rounded.slope_over_rho * on_meridian[0];
-      result.curvature = (flat(0, 0) * square(slope) + n[0] * rounded.curvature) * e_rho * e_rho.transpose() +
-                         n[0] * rounded.slope_over_rho * e_phi * e_phi.transpose() +
-                         flat(1, 1) * e_z * e_z.transpose() +
-                         flat(0, 1) * slope * (e_rho * e_z.transpose() + e_z * e_rho.transpose());
+      result.curvature << at.rho_rho, at.rho_z, at.rho_z, at.z_z;
     } else {
-      // Meridian part, and the azimuthal curvature n_ρ/ρ of a surface of revolution.
-      const Vec<3> e_rho = p[0] > 0 ? Vec<3>(r[0] / p[0], r[1] / p[0], 0) : Vec<3>(Vec<3>::Zero());
-      const Vec<3> e_z(0, 0, 1), e_phi(-e_rho[1], e_rho[0], 0);
-      result.curvature = flat(0, 0) * e_rho * e_rho.transpose() + flat(1, 1) * e_z * e_z.transpose() +
-                         flat(0, 1) * (e_rho * e_z.transpose() + e_z * e_rho.transpose());
-      if (p[0] > 0)
-        result.curvature += n[0] / p[0] * e_phi * e_phi.transpose();
-      else if (wall.sphere_on_axis())  // a sphere on the axis, seen from there
-        result.curvature += flat(0, 0) * (Mat<3>::Identity() - e_z * e_z.transpose());
+      const Real rho = on_meridian[0];
+      const Vec<2> e_rho = rho > 0 ? Vec<2>(r[0] / rho, r[1] / rho) : Vec<2>(1, 0);
+      Real across = rho > 0 ? n[0] / rho : at.rho_rho, in = at.rho_rho, slope = 1;  // ρ = 0: a sphere on the axis
+      if (rounds(on_meridian, wall)) {
+        const RoundedRadius rounded(rho);
+        slope = rounded.slope_over_rho * rho;
+        in = at.rho_rho * square(slope) + n[0] * rounded.curvature;
+        across = n[0] * rounded.slope_over_rho;
+      }
+      const Matrix3<Real> a = revolved(e_rho[0], e_rho[1], in, at.rho_z * slope, at.z_z, across);
+      result.curvature << a.x.x, a.x.y, a.x.z, a.y.x, a.y.y, a.y.z, a.z.x, a.z.y, a.z.z;
     }
     return result;
   }
 
-  static Vec<2> meridian(const Vec<D>& r) {
+  PLIANT_INLINE static Vec<2> meridian(const Vec<D>& r) {
     if constexpr (D == 2)
       return r;
     else
@@ -447,16 +439,18 @@ class Walls {
     return w - std::clamp(dot(w, wall.direction), Real(0), wall.length) * wall.direction;
   }
 
-  static bool near_axis(const Vec<2>& p) { return D == 3 && p[0] < axis_width; }
-  static bool rounds(const Vec<2>& p, const WallSegment& wall) { return near_axis(p) && !wall.sphere_on_axis(); }
+  PLIANT_INLINE static bool near_axis(const Vec<2>& p) { return D == 3 && p[0] < axis_width; }
+  PLIANT_INLINE static bool rounds(const Vec<2>& p, const WallSegment& wall) {
+    return near_axis(p) && !wall.sphere_on_axis();
+  }
   /// p of the meridian as a part sees it.
-  static Vec<2> seen(const Vec<2>& p, const WallSegment& wall) {
+  PLIANT_INLINE static Vec<2> seen(const Vec<2>& p, const WallSegment& wall) {
     return rounds(p, wall) ? Vec<2>(RoundedRadius(p[0]).value, p[1]) : p;
   }
 
   /// Turns the gradient in the meridian, as the wall sees it, into a gradient in space. p: meridian coordinates of r.
   /// On the axis the radial part vanishes by symmetry.
-  static Vec<D> lift(const Vec<D>& r, const Vec<2>& p, const Vec<2>& n, const WallSegment& wall) {
+  PLIANT_INLINE static Vec<D> lift(const Vec<D>& r, const Vec<2>& p, const Vec<2>& n, const WallSegment& wall) {
     if constexpr (D == 2) {
       return n;
     } else if (rounds(p, wall)) {

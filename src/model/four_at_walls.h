@@ -11,6 +11,7 @@ namespace pliant {
 /// Up to four contacts of a term that have been placed, to be settled together.
 template <int D, class Term>
 struct FourAtWalls {
+  using Current = ContactTable::Current<Term::history>;
   using Next = ContactWorkspace::Next<Term::history, true>;
 
   std::array<typename Term::Touch, 4> touch;
@@ -24,11 +25,14 @@ struct FourAtWalls {
 /// find(), and settle_four(four, term, s, next, force, total) adds the forces of the contacts that were placed and
 /// writes their contact history. total: with the elastic forces. untouched(e): called for elements that do not touch,
 /// except some that are too far apart.
+/// A term may also have find_near(s, range, near), which writes the elements that may touch and returns their number;
+/// and settle_at_rest(term, s, elements, count, current, next, force, total, lost), which does the work of place()
+/// and settle_four() for up to four elements, or returns false.
 template <int D, class Term, class Untouched>
 PLIANT_INLINE void add_wall_forces(const Term& term, const StateView<D>& s, Range range, const ContactTable& table,
                                    ContactWorkspace& workspace, const Scatter<D, 1>& force, bool total,
                                    Untouched&& untouched) {
-  const ContactTable::Current<Term::history> current(table);
+  const typename FourAtWalls<D, Term>::Current current(table);
   const typename FourAtWalls<D, Term>::Next next(table, workspace);
   next.clear(range);
   FourAtWalls<D, Term> four;
@@ -38,15 +42,14 @@ PLIANT_INLINE void add_wall_forces(const Term& term, const StateView<D>& s, Rang
     four.current[four.count] = current(e);
     if (++four.count == 4) settle_four(four, term, s, next, force, total);
   };
-  if constexpr (requires { term.near(s, Index()); }) {
-    // First which elements, without a branch that depends on them: most of a list does not touch.
-    Index* const which = workspace.indices(range);
-    Index count = 0;
-    for (Index e = range.first; e < range.last; ++e) {
-      which[count] = e;
-      count += term.near(s, e) ? 1 : 0;
+  if constexpr (requires { term.find_near(s, range, workspace.indices(range)); }) {
+    Index* const elements = workspace.indices(range);
+    const Index near = term.find_near(s, range, elements);
+    for (Index k = 0; k < near; k += 4) {
+      const Index count = std::min(near - k, Index(4));
+      if (!settle_at_rest(term, s, elements + k, count, current, next, force, total, four.lost))
+        for (Index l = 0; l < count; ++l) take(elements[k + l]);
     }
-    for (Index k = 0; k < count; ++k) take(which[k]);
   } else {
     for (Index e = range.first; e < range.last; ++e) take(e);
   }

@@ -22,6 +22,140 @@ PLIANT_INLINE Vector vector_of(const FourRows& rows, Real4& fourth) {
   return a;
 }
 
+/// Reads the history of four contacts; returns the turns of the spheres at the end of the last step.
+PLIANT_INLINE Vector take_past(const FourRows& rows, SphereWallTouch<Real4>::Past& past) {
+  Vector angle;
+  columns(rows, 0, past.foot.x, past.foot.y, past.foot.z, past.n.x);
+  columns(rows, 4, past.n.y, past.n.z, angle.x, angle.y);
+  columns(rows, 8, angle.z, past.spring.x, past.spring.y, past.spring.z);
+  past.slid = column(rows, 12) != 0;
+  return angle;
+}
+
+using Losses = std::array<Real, SurfaceTouch<3>::losses.size()>;
+
+/// Adds the losses of the first `count` contacts.
+PLIANT_INLINE void add_losses(const SphereWallTouch<Real4>& four, const SurfaceTouch<3, Real4>::Rub& rubs, Index count,
+                              Losses& lost) {
+  const Mask4 counted = simd::first(count);
+  const Real4 each[] = {four.normal_power(rubs), four.tangential_power(rubs), four.slid_heat(rubs, four.before)};
+  for (std::size_t j = 0; j < lost.size(); ++j) {
+    const Real4 some = simd::where(counted, each[j]);
+    lost[j] += (some[0] + some[1]) + (some[2] + some[3]);
+  }
+}
+
+/// Elements with a wall that is not a solid, and what is needed of their walls and spheres. Other elements are read as
+/// if they were with the first wall.
+struct FourPlaces {
+  std::array<std::ptrdiff_t, 4> i;
+  std::array<Index, 4> part;
+  Mask4 solid{};
+  Vector r;
+  Real4 rho, radius, wall_radius;
+  MeridianSegment<Real4> wall;
+
+  PLIANT_INLINE FourPlaces(const StateView<3>& s, const Index* elements) {
+    const auto* const pairs = s.neighbours.walls.pairs.data();
+    const std::vector<WallSegment>& parts = s.walls.parts();
+    FourRows rows;
+    for (int k = 0; k < 4; ++k) {
+      i[k] = pairs[elements[k]].first;
+      part[k] = pairs[elements[k]].second;
+      const bool segment = static_cast<std::size_t>(part[k]) < parts.size();
+      solid[k] = segment ? 0 : -1;
+      rows[k] = parts[segment ? static_cast<std::size_t>(part[k]) : 0].origin.data();
+    }
+    static_assert(offsetof(WallSegment, weight) == 6 * sizeof(Real));
+    Real4 weight;
+    columns(rows, 0, wall.origin_rho, wall.origin_z, wall.direction_rho, wall.direction_z);
+    columns(rows, 3, wall.direction_z, wall.length, wall_radius, weight);
+    r = FourPairs::gather3(s.x, i);
+    radius = FourPairs::gather(s.topology.diameter.data(), i) / 2;
+    rho = square_root(Real4(r.x * r.x + r.y * r.y));
+  }
+};
+
+PLIANT_MULTIVERSION Index find_near(const StateView<3>& s, Range range, Index* near) {
+  Index count = 0;
+  for (Index e = range.first; e < range.last; e += 4) {
+    std::array<Index, 4> elements;
+    for (Index k = 0; k < 4; ++k) elements[k] = std::min(e + k, range.last - 1);
+    const FourPlaces c(s, elements.data());
+    const MeridianDistance<Real4> at(c.rho, c.r.z, c.wall);
+    // Near the axis walls are farther than this distance says.
+    const Mask4 may_touch = (at.d - c.wall_radius < c.radius) | c.solid | (c.rho < axis_width);
+    const Index some = std::min(range.last - e, Index(4));
+    for (Index k = 0; k < some; ++k) {
+      near[count] = e + k;
+      count -= static_cast<Index>(may_touch[k]);
+    }
+  }
+  return count;
+}
+
+template <class Law>
+PLIANT_MULTIVERSION bool settle_resting(const SphereWallContact<Law>& term, const StateView<3>& s, const Index* near,
+                                        Index count,
+                                        const typename FourAtWalls<3, SphereWallContact<Law>>::Current& current,
+                                        const typename FourAtWalls<3, SphereWallContact<Law>>::Next& next,
+                                        const Scatter<3, 1>& force, bool total, Losses& lost) {
+  static constexpr std::array<Real, SphereWallContact<Law>::history> nothing{};
+  std::array<Index, 4> rest;
+  const Index* const elements = four_from(near, count, 0, rest);
+  const FourPlaces c(s, elements);
+  const MeridianDistance<Real4> at(c.rho, c.r.z, c.wall);
+  typename SphereWallTouch<Real4>::Place place;
+  place.d = at.d - c.wall_radius;
+  if (any_of(c.solid | (c.rho < axis_width) | (at.d <= 0) | (place.d >= c.radius))) return false;
+  for (Index k = 0; k < count; ++k)
+    if (at.at_end[k] != 0 || c.part[k] >= static_cast<Index>(s.walls.segments().size()))
+      if (!s.walls.carries(s.position(static_cast<Index>(c.i[k])), c.part[k], s.t)) return false;
+
+  place.radius = c.radius, place.share = simd::all(1);
+  FourRows past;
+  Real4 mu_static, mu_dynamic;
+  for (Index k = 0; k < 4; ++k) {
+    place.mass[k] = s.topology.mass(static_cast<Index>(c.i[k]));
+    const Coulomb mu = term.others.of(s.walls.material(s.walls.body_of_part(c.part[k])), term.surface);
+    mu_static[k] = mu.mu_static, mu_dynamic[k] = mu.mu_dynamic;
+    const Real* const row = current(elements[k]);
+    past[k] = row != nullptr ? row : nothing.data();
+  }
+  place.n = {at.n_rho * c.r.x / c.rho, at.n_rho * c.r.y / c.rho, at.n_z};
+  place.foot = c.r - place.d * place.n;
+  const Real4 farther = place.radius - place.d;
+  const Matrix3<Real4> curvature =
+      revolved(Real4(c.r.x / c.rho), Real4(c.r.y / c.rho), at.rho_rho, at.rho_z, at.z_z, Real4(at.n_rho / c.rho));
+  place.stretch = {farther * curvature.x, farther * curvature.y, farther * curvature.z};
+  place.stretch.x.x += 1, place.stretch.y.y += 1, place.stretch.z.z += 1;
+
+  typename SphereWallTouch<Real4>::Past before;
+  const Vector angle = FourPairs::gather3(s.angles, c.i);
+  const Vector angle_before = take_past(past, before);
+  SphereWallTouch<Real4> all;
+  all.template settle<Law>(term.epsilon, term.surface, place, before, angle - angle_before);
+  const auto rubs = all.rub(term.surface.tangential_damping, mu_static, mu_dynamic, FourPairs::gather3(s.v, c.i),
+                            FourPairs::gather3(s.spins, c.i));
+  const FourVectors pushes(all.force(total ? rubs.normal : rubs.normal - all.elastic, rubs.hold.pull)),
+      torques(all.torque(rubs.hold.pull));
+  const Vector &foot = place.foot, &n = place.n, &spring = rubs.hold.spring;
+  const Real4 slides = rubs.hold.slides ? simd::all(1) : Real4{};
+  std::array<Real, SphereWallContact<Law>::history> unused;
+  std::array<Real*, 4> numbers{unused.data(), unused.data(), unused.data(), unused.data()};
+  for (Index k = 0; k < count; ++k) {
+    pushes.add(k, force.out + 3 * c.i[k]);
+    torques.add(k, force.torques + 3 * c.i[k]);
+    numbers[k] = next.set(elements[k]);
+  }
+  write_columns(numbers, 0, foot.x, foot.y, foot.z, n.x);
+  write_columns(numbers, 4, n.y, n.z, angle.x, angle.y);
+  write_columns(numbers, 8, angle.z, spring.x, spring.y, spring.z);
+  for (int k = 0; k < 4; ++k) numbers[k][12] = slides[k];
+  add_losses(all, rubs, count, lost);
+  return true;
+}
+
 template <class Law>
 PLIANT_MULTIVERSION void settle(FourAtWalls<3, SphereWallContact<Law>>& four, const SphereWallContact<Law>& term,
                                 const StateView<3>& s,
@@ -61,11 +195,7 @@ PLIANT_MULTIVERSION void settle(FourAtWalls<3, SphereWallContact<Law>>& four, co
   place.n = vector_of(rows(&Touch::across), mu_static);
   place.foot = vector_of(rows(&Touch::foot), mu_dynamic);
   place.stretch = matrix(&Touch::rows);
-  Vector angle_before;
-  columns(past, 0, before.foot.x, before.foot.y, before.foot.z, before.n.x);
-  columns(past, 4, before.n.y, before.n.z, angle_before.x, angle_before.y);
-  columns(past, 8, angle_before.z, before.spring.x, before.spring.y, before.spring.z);
-  before.slid = column(past, 12) != 0;
+  const Vector angle_before = take_past(past, before);
   Vector turn = vector_of(rows(&Touch::angle), unused) - angle_before,
          velocity = FourPairs::gather3(s.v, i) - vector_of(rows(&Touch::wall_velocity), unused),
          spin = FourPairs::gather3(s.spins, i) - vector_of(rows(&Touch::wall_spin), unused);
@@ -97,16 +227,22 @@ PLIANT_MULTIVERSION void settle(FourAtWalls<3, SphereWallContact<Law>>& four, co
     std::copy_n(c[k]->angle.data(), 3, numbers + 6);
     numbers[9] = spring.x[k], numbers[10] = spring.y[k], numbers[11] = spring.z[k], numbers[12] = slides[k];
   }
-  const Mask4 counted = simd::first(count);
-  const Real4 lost[3] = {all.normal_power(rubs), all.tangential_power(rubs), all.slid_heat(rubs, all.before)};
-  for (int j = 0; j < 3; ++j) {
-    const Real4 some = simd::where(counted, lost[j]);
-    four.lost[j] += (some[0] + some[1]) + (some[2] + some[3]);
-  }
+  add_losses(all, rubs, count, four.lost);
   four.count = 0;
 }
 
 }  // namespace
+
+Index find_near_at_rest(const StateView<3>& s, Range range, Index* near) { return find_near(s, range, near); }
+
+template <class Law>
+bool settle_at_rest(const SphereWallContact<Law>& term, const StateView<3>& s, const Index* elements, Index count,
+                    const typename FourAtWalls<3, SphereWallContact<Law>>::Current& current,
+                    const typename FourAtWalls<3, SphereWallContact<Law>>::Next& next, const Scatter<3, 1>& force,
+                    bool total, Losses& lost) {
+  return s.walls.rest() && !s.walls.parts().empty() &&
+         settle_resting(term, s, elements, count, current, next, force, total, lost);
+}
 
 template <class Law>
 void settle_four(FourAtWalls<3, SphereWallContact<Law>>& four, const SphereWallContact<Law>& term,
@@ -119,7 +255,11 @@ static_assert(RangeTerm<SphereWallContact<>, 3>);
 #define PLIANT_SETTLE_FOUR(Law)                                                                                     \
   template void settle_four<Law>(FourAtWalls<3, SphereWallContact<Law>>&, const SphereWallContact<Law>&,            \
                                  const StateView<3>&, const typename FourAtWalls<3, SphereWallContact<Law>>::Next&, \
-                                 const Scatter<3, 1>&, bool);
+                                 const Scatter<3, 1>&, bool);                                                       \
+  template bool settle_at_rest<Law>(const SphereWallContact<Law>&, const StateView<3>&, const Index*, Index,        \
+                                    const typename FourAtWalls<3, SphereWallContact<Law>>::Current&,                \
+                                    const typename FourAtWalls<3, SphereWallContact<Law>>::Next&,                   \
+                                    const Scatter<3, 1>&, bool, Losses&);
 PLIANT_SETTLE_FOUR(HarmonicOverlap)
 PLIANT_SETTLE_FOUR(HertzOverlap)
 PLIANT_SETTLE_FOUR(SpringOverlap)

@@ -75,6 +75,16 @@ void settle_four(FourAtWalls<3, SphereWallContact<Law>>& four, const SphereWallC
                  const StateView<3>& s, const typename FourAtWalls<3, SphereWallContact<Law>>::Next& next,
                  const Scatter<3, 1>& force, bool total);
 
+/// Writes the elements of a range that may touch to `near`, and returns their number. All walls rest.
+Index find_near_at_rest(const StateView<3>& s, Range range, Index* near);
+/// See add_wall_forces(). Returns false if a wall moves, or if one of the elements does not touch, or touches a solid
+/// or near the axis of the walls.
+template <class Law>
+bool settle_at_rest(const SphereWallContact<Law>& term, const StateView<3>& s, const Index* elements, Index count,
+                    const typename FourAtWalls<3, SphereWallContact<Law>>::Current& current,
+                    const typename FourAtWalls<3, SphereWallContact<Law>>::Next& next, const Scatter<3, 1>& force,
+                    bool total, std::array<Real, SurfaceTouch<3>::losses.size()>& lost);
+
 /// Friction and damping between a sphere and a surface of the walls (Walls::surface_of_part), besides the force N_e =
 /// −V' of WallContact, in space; as SphereContact, with the velocity of the wall's material. n is the unit vector from
 /// the wall to the centre, d the distance, L = 1 + (R − d) κ with the curvature κ of the surfaces of constant distance.
@@ -115,7 +125,7 @@ struct SphereWallContact {
     Four angle;                     ///< turn of the sphere relative to the wall, in space
     Four wall_velocity, wall_spin;  ///< in space
     std::array<Four, 3> rows;       ///< of L
-    std::array<Four, 3> turn;       ///< rows of the rotation of the wall
+    std::array<Four, 3> turn;       ///< rows of the rotation of the wall; not set where all walls rest
     bool turned;                    ///< false: the rotation is the identity
     Index i;
 
@@ -125,9 +135,16 @@ struct SphereWallContact {
     Matrix3<Real> rotation() const { return {vector3(turn[0]), vector3(turn[1]), vector3(turn[2])}; }
   };
 
-  bool near(const StateView<3>& s, Index e) const {
-    const auto [i, part] = s.neighbours.walls[e];
-    return !s.walls.beyond(s.position(i), s.topology.diameter[i] / 2, part, s.t);
+  /// See add_wall_forces().
+  Index find_near(const StateView<3>& s, Range range, Index* near) const {
+    if (s.walls.rest() && !s.walls.parts().empty()) return find_near_at_rest(s, range, near);
+    Index count = 0;
+    for (Index e = range.first; e < range.last; ++e) {
+      const auto [i, part] = s.neighbours.walls[e];
+      near[count] = e;
+      count += s.walls.beyond(s.position(i), s.topology.diameter[i] / 2, part, s.t) ? 0 : 1;
+    }
+    return count;
   }
   /// The first part of find(): whether the sphere touches.
   PLIANT_INLINE bool place(const StateView<3>& s, Index e, Touch& c) const {
@@ -142,19 +159,20 @@ struct SphereWallContact {
     const Coulomb mu = others.of(s.walls.material(body), surface);
     c.across = {wall.across[0], wall.across[1], wall.across[2], mu.mu_static};
     c.foot = {wall.foot[0], wall.foot[1], wall.foot[2], mu.mu_dynamic};
-    const Motion<3>& motion = s.walls.motion(body);
-    const Real since = s.t - motion.since;
-    const Vec<3> velocity = s.walls.velocity(r, part, s.t);
-    for (int k = 0; k < 3; ++k) {
-      c.angle[k] = s.angle(i)[k] - motion.spin[k] * since;
-      c.wall_velocity[k] = velocity[k];
-      c.wall_spin[k] = motion.spin[k];
-    }
-    const Pose<3> pose = s.walls.pose(body, s.t);
-    c.turned = pose.turned;
+    c.angle = four(s.angle(i));
+    c.wall_velocity = c.wall_spin = {};
+    c.turned = false;
     Mat<3> curvature = wall.curvature;
-    if (c.turned) curvature = pose.turn.transpose() * curvature * pose.turn;
-    for (int k = 0; k < 3; ++k) c.turn[k] = {pose.turn(k, 0), pose.turn(k, 1), pose.turn(k, 2), 0};
+    if (!s.walls.rest()) {
+      const Motion<3>& motion = s.walls.motion(body);
+      c.angle = four(s.angle(i) - motion.spin * (s.t - motion.since));
+      c.wall_velocity = four(s.walls.velocity(r, part, s.t));
+      c.wall_spin = four(motion.spin);
+      const Pose<3> pose = s.walls.pose(body, s.t);
+      c.turned = pose.turned;
+      for (int k = 0; k < 3; ++k) c.turn[k] = four(pose.turn.row(k));  // of each, because four are turned together
+      if (c.turned) curvature = pose.turn.transpose() * curvature * pose.turn;
+    }
     const Real farther = R - wall.d;
     for (int k = 0; k < 3; ++k) {
       c.rows[k] = {farther * curvature(k, 0), farther * curvature(k, 1), farther * curvature(k, 2), 0};
@@ -219,6 +237,11 @@ struct SphereWallContact {
   Real max_damping(const Topology& topology) const { return dashpot_rate<Law>(surface, topology, epsilon, 0.5, 2, 1); }
 
  private:
+  /// The components, and 0.
+  template <class V>
+  PLIANT_INLINE static typename Touch::Four four(const V& a) {
+    return {a[0], a[1], a[2], 0};
+  }
   typename SurfaceTouch<3>::Rub rub(const StateView<3>& s, const Touch& c) const {
     return static_cast<const SphereWallTouch<Real>&>(c).rub(surface.tangential_damping, c.across[3], c.foot[3],
                                                             c.seen(vector3(s.v, c.i) - vector3(c.wall_velocity)),

@@ -193,7 +193,7 @@ TEST_CASE("balls four at a time have the forces of each by itself bit for bit, a
       term.add_forces(view, all, table, workspace, Scatter<3, 1>{found.data(), {}, into(found).torques});
     const auto one = into(single), full = into(whole);
     Index touching = 0;
-    typename SphereContact<Law>::Touch c;
+    typename SphereContact<Law>::Touch c{};
     for (Index e = all.first; e < all.last; ++e) {
       const bool touches = term.find(view, e, table.current(e), c);
       CHECK(next.touches(e) == touches);

@@ -70,6 +70,15 @@ Walls<3> tube(const Motion<3>& motion = {}) {
   walls.add(WallParts{{WallSegment::between({wide, -5}, {wide, 5})}}, motion);
   return walls;
 }
+/// A floor, a tube, a cone and a narrow tube that are joined; a sphere on the axis, and two rings.
+Walls<3> cup() {
+  WallParts parts{{WallSegment::between({0, 0}, {wide, 0}), WallSegment::between({wide, 0}, {wide, 1.5}),
+                   WallSegment::between({wide, 1.5}, {0.9, 2.2}), WallSegment::between({0.9, 2.2}, {0.9, 2.9}),
+                   WallSegment::disk({0, 3}, 0.1), WallSegment::disk({0.3, 4}, 0.1),
+                   WallSegment::disk({0.61, 5.5}, 0.1)}};
+  parts.joints = {{{wide, 0}, 1, 0, false}, {{wide, 1.5}, 2, 1, false}, {{0.9, 2.2}, 3, 2, true}};
+  return Walls<3>(parts);
+}
 const Vector on_floor(0.2, -0.1, 0.35), in_tube(0.85, 0, 0.3);
 constexpr Real pressed = stiff / (radius * radius) * 0.15;  // N_e
 
@@ -113,13 +122,30 @@ TEST_CASE("what a wall does to a ball that it carries turns with the wall, and t
 TEST_CASE("balls at walls four at a time have the forces of each by itself bit for bit") {
   const SurfaceFriction weak{.mu_static = 0.01, .mu_dynamic = 0.008, .damping = 0.1};
   Index slide = 0, hold = 0;
-  for (std::size_t n = 1; n <= 6; ++n)
-    for (const bool turns : {false, true}) {
-      Walls<3> walls = tube(turns ? Motion<3>{.velocity = {0, 0.1, 0.3}, .spin = {0.1, 0, 0.5}} : Motion<3>{});
-      walls.add(Solid<3>::half_space(Vector::Zero(), {0, 0, 1}), {.velocity = {0.2, 0.1, 0}});
+  for (std::size_t n = 1; n <= 24; ++n)
+    for (const std::string_view kind : {"moving", "turning", "at rest", "at rest with a solid"}) {
+      CAPTURE(n, kind);
       std::vector<Vector> places;
       for (std::size_t m = 0; m < n; ++m)
         places.push_back(rotation(Real(m), {0, 0, 1}) * Vector(0.8, 0, 0.4 + 0.05 * Real(m)));
+      Walls<3> walls;
+      if (kind == "moving" || kind == "turning") {
+        walls = tube(kind == "turning" ? Motion<3>{.velocity = {0, 0.1, 0.3}, .spin = {0.1, 0, 0.5}} : Motion<3>{});
+        walls.add(Solid<3>::half_space(Vector::Zero(), {0, 0, 1}), {.velocity = {0.2, 0.1, 0}});
+      } else {
+        walls = cup();
+        const std::vector<Vector> others{{0.01, 0.02, 0.4},     // on the floor, near the axis
+                                         {0.36, -0.48, 2.155},  // at the convex corner
+                                         {-0.1, 0.04, 2.6},     // at the sphere on the axis
+                                         {0.5, 0.03, 0.42},     // on the floor
+                                         {0.01, 0.02, 4.1},     // in a ring
+                                         {0.001, 0.001, 5.5}};  // in a ring that it touches on the axis only
+        // Pairs of spheres in the tube shift the following corners among the groups of four.
+        for (std::size_t m = 5; m < n; ++m)
+          places[m] = m < 11 ? others[m - 5]
+                             : Vector(rotation(Real(m), {0, 0, 1}) * (m % 3 == 0 ? others[1] : Vector(0.8, 0, 0.8)));
+        if (kind == "at rest with a solid") walls.add(Solid<3>::half_space({0, 0, 0.1}, {0, 0, 1}));
+      }
       const SphereWallContact<> term = at_wall(weak);
       Led led(places, walls, term);
       for (std::size_t k = 0; k < led.v.size(); ++k) led.v[k] = std::sin(Real(k + n)) * (k % 2 == 0 ? 1 : 0.02);
