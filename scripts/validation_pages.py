@@ -8,6 +8,7 @@ A template is Markdown. `<!-- of: FIGURE LEVEL -->` sets the default of the rows
 
   <<SPECIFICATION>>      value and error, as pliant/reproduce/rows.py has specifications; several are joined by "to"
   <<%.1f SPECIFICATION>> value alone, in this format
+  <<3 SPECIFICATION>>    value and error with so many digits after the point, for values that look equal otherwise
   <<? SPECIFICATION>>    verdict of the row or rows
   <!-- not in reproduced.csv: FILE; FILE -->   end of a passage, or line after a table, whose numbers have no rows
 
@@ -63,7 +64,7 @@ SYMBOLS = [(re.compile(a), b) for a, b in (
     (r"\bdelta\b", "δ"), (r"\^2\b", "²"), (r"\bsqrt\b", "√"), (r"\binf\b", "∞"))]
 #: Notes that other columns show.
 SHOWN = re.compile(r"k at its bound|lambda_c (?:lies outside|is known to).*|a step between two lambda|with beta free.*|chi2/dof.*|as many parameters as points|the exponent published.*|\[H 5\] draws.*")
-INLINE = re.compile(r"<<(\?|%[\w.]+)? ?(.*?)>>")
+INLINE = re.compile(r"<<(\?|%[\w.]+|\d(?= ))? ?(.*?)>>")
 #: Marks the end of a passage without rows: † on the page. After a table the mark is a line of its own, which can name the files.
 MARK = re.compile(r" ?<!-- not in reproduced\.csv(?:: (.*?))? -->(\n?)")
 
@@ -113,7 +114,8 @@ def shown(value, factor=1):
     elif value.row is None:
         text = f"{number:.4g}"
     else:
-        text = _digits(number, 3 if re.match("chi2|residual", value.row["quantity"]) else 4)
+        exact = abs(number) < 1e-10  # the residual of as many points as parameters
+        text = "0" if exact else _digits(number, 3 if re.match("chi2|residual", value.row["quantity"]) else 4)
     return text.replace("-", "−") + (" (k = 0)" if _exponent_at_bound(value) else "")
 
 
@@ -135,6 +137,8 @@ def inline(match, default, rows):
     found = _checked(specification, default, rows)
     if how == "?":
         return verdict(found)
+    if how and how.isdigit():
+        return "; ".join(f"{one.value:.{how}f} ± {one.error:.{how}f}".replace("-", "−") for one in found)
     return " to ".join((how % one.value).replace("-", "−") if how else shown(one) for one in found)
 
 

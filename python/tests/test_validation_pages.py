@@ -109,7 +109,7 @@ ROWS = pd.DataFrame([
 def test_a_template_becomes_a_page():
     text = """# H
 <!-- of: H2 full -->
-It is <<{beta: soft, E_sp = 100}>>: <<? {beta: soft, E_sp = 100}>>, <<%.1f {beta: soft, E_sp = 1e+06}>>.
+It is <<{beta: soft, E_sp = 100}>>: <<? {beta: soft, E_sp = 100}>>, <<%.1f {beta: soft, E_sp = 1e+06}>>, <<3 {beta: soft, E_sp = 1e+06}>>.
 
 ::: rows H2 full
 label: model
@@ -124,12 +124,18 @@ E_sp = # := beta: *, E_sp = #
 :::
 """
     page = validation_pages.page(text, ROWS)
-    assert "It is 2.28 ± 0.04 (k = 0): no verdict, 1.5." in page
+    assert "It is 2.28 ± 0.04 (k = 0): no verdict, 1.5, 1.497 ± 0.051." in page
     assert "| model | β | within 2 errors | χ² | remarks |" in page
     assert "| soft, E_sp = 100 | 2.28 ± 0.04 (k = 0) | no verdict | 0.123 |  |" in page
     assert "| soft, E_sp = 10⁶ | 1.50 ± 0.05 | **yes** | – | one clogged |" in page
     assert "| soft | 2.28 ± 0.04 (k = 0) | 1.50 ± 0.05 |" in page
     assert "| `H2 full` | `hopper/limits` | 1-3 | 0.5 | abcdef0 |" in page
+
+
+def test_the_residual_of_as_many_points_as_parameters_is_zero():
+    row = {"quantity": "residual of Q with beta free: soft"}
+    assert validation_pages.shown(validation_pages.Value(1.9e-16, float("nan"), row=row), 100) == "0"
+    assert validation_pages.shown(validation_pages.Value(1.9e-3, float("nan"), row=row), 100) == "0.190"
 
 
 @pytest.mark.parametrize("text", ["<!-- of: H2 full -->\n<<{beta: hard}>>", "::: rows H2 full\nβ := gamma: *\n:::\n", "::: rows H2 full\nβ = beta: *\n:::\n",
