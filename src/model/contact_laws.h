@@ -29,7 +29,7 @@ constexpr std::string_view to_string(ContactLaw law) {
 template <class... Laws>
 ContactLaw read_contact_law(ParameterReader& p) {
   return p.choice({.name = "contact_law",
-                   .help = "linear: force scale equal for all sizes; spring (disk): stiffness equal",
+                   .help = "law of contact forces; linear: the same force scale for all sizes",
                    .role = Role::contact_law},
                   std::array{std::pair{to_string(Laws::kind), Laws::kind}...});
 }

@@ -164,7 +164,7 @@ void HopperOptions::bind(Options& o) {
           .max = 0.1,
           .on_restart = fixed});
   o.bind("clog_time", clog_time,
-         {.help = "the run ends as clogged after this time without crossings and fast particles",
+         {.help = "time without crossings and without fast particles after which the run ends",
           .unit = "t0",
           .min = 0,
           .min_open = true});

@@ -79,13 +79,10 @@ void PackingOptions::bind_analysis(Options& o) {
   o.bind(
       "modes", modes,
       {.help = "number of the lowest vibrational modes of each packing in the series", .min = 0, .on_restart = fixed});
-  o.bind(
-      "pre_stress", pre_stress, {{"kept", PreStress::kept}, {"dropped", PreStress::dropped}},
-      {.help =
-           "modes: with the part of the stiffness that is proportional to forces, or as if contacts, edges and areas "
-           "were at rest",
-       .only_with = "-modes",
-       .on_restart = fixed});
+  o.bind("pre_stress", pre_stress, {{"kept", PreStress::kept}, {"dropped", PreStress::dropped}},
+         {.help = "modes: with pre-stress, or as if contacts, edges and areas were at rest",
+          .only_with = "-modes",
+          .on_restart = fixed});
 }
 
 void PackingOptions::bind_packing_output(Options& o, const std::string& step) {
@@ -217,7 +214,7 @@ void ShearOptions::bind(Options& o) {
       "strain_step", strain_step,
       {.help = "quasistatic: shear strain of each step", .min = 0, .max = 0.1, .min_open = true, .on_restart = fixed});
   o.bind("cycles", cycles,
-         {.help = "quasistatic: cycles from strain 0 to +strain, to -strain and back to 0; 0: one direction",
+         {.help = "quasistatic: number of cycles 0, +strain, -strain, 0; 0: shear in one direction",
           .min = 0,
           .max = 1e6,
           .extends = {"cycles", "MORE"}});
