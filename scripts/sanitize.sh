@@ -15,6 +15,7 @@ names=("${@:2}")
 flags="-fno-omit-frame-pointer"
 clang=(-D CMAKE_C_COMPILER=clang-14 -D CMAKE_CXX_COMPILER=clang++-14)
 compilers=()
+linking=()
 runner=()
 findings=$build/findings  # of the sanitizers, in files: a test may silence its program
 packages=(clang-14 libomp-14-dev libclang-rt-14-dev)
@@ -51,10 +52,16 @@ for package in "${packages[@]}"; do
     die "$kind needs the Debian packages ${packages[*]} (apt-get install; $package is not there)"
 done
 
+if [[ $kind == address ]]; then
+  # Programs link the shared library of the sanitizer, because the tests of the module preload it into Python, and the
+  # programs that these tests start inherit LD_PRELOAD: with a second copy of the sanitizer inside they would not start.
+  runtime=$(clang++-14 -print-file-name=libclang_rt.asan-x86_64.so)
+  linking=(-D CMAKE_EXE_LINKER_FLAGS="-shared-libsan -Wl,-rpath,$(dirname "$runtime")")
+fi
 "$root/scripts/setup.sh"
 # Line numbers without variables, which cost GCC minutes on some files.
 cmake -S "$root" -B "$build" -G Ninja -D CMAKE_BUILD_TYPE=RelWithDebInfo -D CMAKE_CXX_FLAGS_RELWITHDEBINFO="-O1 -g1" \
-  -D CMAKE_CXX_FLAGS="$flags" -D PLIANT_BUILD_EXAMPLES=OFF "${joined[@]}" "${compilers[@]}"
+  -D CMAKE_CXX_FLAGS="$flags" -D PLIANT_BUILD_EXAMPLES=OFF "${joined[@]}" "${compilers[@]}" "${linking[@]}"
 ((${#names[@]} > 0)) || read -ra names <"$build/tests/folders.txt"
 targets=()
 for name in "${names[@]}"; do
@@ -97,7 +104,7 @@ run_module() {
   local python=(/usr/bin/python3 -B -m pytest -q -p no:cacheprovider) tests="not gallery and not leave_nothing_behind"
   export PYTHONPATH=$build/python PLIANT_PROGRAM=$build/apps/pliant
   case $kind in
-    address) LD_PRELOAD=$(clang++-14 -print-file-name=libclang_rt.asan-x86_64.so) \
+    address) LD_PRELOAD=$runtime \
       "${python[@]}" "$root/tests/python" -k "$tests" ;;
     valgrind) PYTHONMALLOC=malloc "${runner[@]}" --undef-value-errors=no --show-mismatched-frees=no \
       --suppressions="$root/scripts/valgrind.supp" \
