@@ -266,9 +266,9 @@ def diameters(n: int, kind: str = "bidisperse", ratio: float = 1.4, fraction: fl
 
 def regular_polygons(centres: ArrayLike, diameters: ArrayLike, n_vertices: int, angles: ArrayLike = 0.0) -> list[np.ndarray]:
     """Regular polygons with the areas of disks of these diameters, about centres [N, 2]."""
-    centres = _array(centres, "centres", 2)
-    count = len(centres)
-    x = core.regular_polygons(centres, list(_each(diameters, "diameters", count)), _integer(n_vertices, "n_vertices"),
+    places = _array(centres, "centres", 2)
+    count = len(places)
+    x = core.regular_polygons(places, list(_each(diameters, "diameters", count)), _integer(n_vertices, "n_vertices"),
                               list(_each(angles, "angles", count)))
     return np.split(x, count) if count else []
 
@@ -339,7 +339,7 @@ class Simulation:
         self.force: Callable[[np.ndarray, np.ndarray, float], ArrayLike] | None = None
         if polygons is None:
             try:
-                self._dim = int(np.shape(positions)[1])
+                self._dim = int(np.asarray(positions).shape[1])
             except (IndexError, ValueError):
                 raise InputError("positions has not the shape [N, 2] or [N, 3]") from None
         else:

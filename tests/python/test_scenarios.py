@@ -342,6 +342,9 @@ def test_the_types_are_clean_for_mypy(tmp_path):
         return subprocess.run([*mypy, "--cache-dir=/dev/null", "--follow-imports=silent", str(file)], capture_output=True,
                               encoding="utf-8", env=dict(os.environ, MYPYPATH=str(ROOT / "python"))).stdout
     assert check(good).startswith("Success")
+    package = subprocess.run([*mypy, "--cache-dir=/dev/null", str(ROOT / "python/pliant")], capture_output=True, encoding="utf-8",
+                             cwd=ROOT)
+    assert package.returncode == 0, package.stdout
     assert "Found 2 errors" in check(bad) or "Found 1 error" in check(bad)
 
 

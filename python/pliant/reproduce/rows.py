@@ -5,6 +5,8 @@ method noted('words'), the number behind these words in its note; all{...} is th
 expression. Values are added, divided and so on with their errors; FUNCTIONS lists the functions.
 """
 
+from __future__ import annotations
+
 import operator
 import re
 from dataclasses import dataclass
@@ -25,7 +27,7 @@ class Value:
     error: float = 0.0
     agree: str = ""
     note: str = ""
-    row: dict = None
+    row: dict | None = None
 
     @property
     def published(self):
@@ -79,7 +81,7 @@ def _of_figure(table):
     return _INDEX[id(table)]
 
 
-_INDEX = {}
+_INDEX: dict[int, tuple] = {}
 
 
 class Rows:
