@@ -1,7 +1,7 @@
 #!/usr/bin/python3
-"""Time series of a hopper: crossed area, flow rate, kinetic energy, contacts, height of the filling.
+"""Time series of a hopper: crossed area, flow rate, kinetic energy, energy budget, contacts, height of the filling.
 
-Grey: the flow has ended. The flow rate is drawn in pieces of the time before that."""
+The budget, of runs with inertia: since the start, work of reinsertion, heat, and change of the energy, which is work - heat. Grey: the flow has ended. The flow rate is drawn in pieces of the time before that."""
 
 import sys
 from pathlib import Path
@@ -20,6 +20,14 @@ from pliant.follow import states
 from pliant.scenarios import of_scenario
 
 
+def draw_budget(axis, series):
+    """Work, heat and change of the energy since the start."""
+    energy = series["kinetic_energy"] + series["potential_energy"] + series["gravity_energy"]
+    for k, (label, values) in enumerate((("work", series["work"]), ("heat", series["heat"]), ("change", energy - energy.iloc[0]))):
+        axis.plot(series["time"], values, color=plotting.COLORS[k], lw=1, label=label)
+    axis.legend(ncols=3, loc="best")
+
+
 def draw(run, bins, output):
     """The figure of one run, with the flow rate in so many pieces."""
     series, d = of_scenario(run, "hopper").series, run.dim
@@ -29,7 +37,10 @@ def draw(run, bins, output):
     panels = [("crossed_area", rf"crossed {volume}" + "\n" + rf"[$\sigma_{{avg}}^{d}$]"),
               (None, "flow rate $Q$\n" + rf"[$\sigma_{{avg}}^{d}/t_0$]"),
               ("kinetic_energy", "kinetic energy\n" + rf"[$\rho g\sigma_{{avg}}^{d + 1}$]"),
+              ("heat", "energy budget\n" + rf"[$\rho g\sigma_{{avg}}^{d + 1}$]"),
               ("contact_pairs", "touching\npairs"), ("top_height", "top height\n" + r"[$\sigma_{avg}$]")]
+    if not {"work", "gravity_energy"} <= set(series):  # no energy audit, or an older version
+        panels = [panel for panel in panels if panel[0] != "heat"]
     missing = [name for name, _ in panels if name and name not in series]
     if missing:
         raise RunError(f"{run.path}: /series has no {', '.join(missing)}")
@@ -39,10 +50,12 @@ def draw(run, bins, output):
     # After a clog Q is 0 by definition, not an average over the flow before it.
     averaged = run.steady_start if ended is None else None
 
-    figure, axes = plt.subplots(len(panels), 1, figsize=(7.0, 7.6), sharex=True, layout="constrained")
+    figure, axes = plt.subplots(len(panels), 1, figsize=(7.0, 1.52 * len(panels)), sharex=True, layout="constrained")
     for i, (axis, (name, label)) in enumerate(zip(axes, panels)):
         color = plotting.COLORS[i]
-        if name:
+        if name == "heat":
+            draw_budget(axis, series)
+        elif name:
             axis.plot(time, series[name], color=color, lw=1)
         elif np.count_nonzero(time[flow]) > 0:
             edges, rate = flow_rate(time[flow], crossed[flow], min(bins, len(time[flow]) - 1))

@@ -200,6 +200,22 @@ def test_series_shows_where_the_flow_ended(soft, drawn, tmp_path):
     np.testing.assert_allclose(rate, 2)
 
 
+def test_series_draws_the_energy_budget(drawn, tmp_path):
+    path, truth = write_run(tmp_path / "run")
+    time = truth["series"]["time"]
+    assert len(drawn("series.py", path)[0].axes) == 5  # an older run, or one without an audit
+    with h5py.File(path / "run.h5", "a") as file:
+        for name, values in {"potential_energy": 0 * time + 3, "gravity_energy": 80 - time, "work": 2 * time, "heat": 4 * time}.items():
+            file[f"series/{name}"] = values
+    figure, _ = drawn("series.py", path)
+    assert len(figure.axes) == 6
+    work, heat, change = figure.axes[3].lines[:3]
+    np.testing.assert_array_equal(work.get_ydata(), 2 * time)
+    np.testing.assert_array_equal(heat.get_ydata(), 4 * time)
+    kinetic = truth["series"]["kinetic_energy"]
+    np.testing.assert_allclose(change.get_ydata(), kinetic - kinetic[0] - time, atol=1e-9)
+
+
 def test_snapshot_panels(soft, rough, smooth, call, tmp_path):
     call("snapshot.py", soft[0], rough[0], smooth[0], "--panels", "-o", tmp_path / "a.png")
     assert_picture(tmp_path / "a.png")

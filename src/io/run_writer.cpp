@@ -356,11 +356,19 @@ RunWriter::Table RunWriter::Table::stored(File& file, const std::string& name, s
 }
 
 void RunWriter::Table::add(std::span<const SeriesValue> row) {
-  if (columns.empty()) {
-    for (const auto& value : row) columns.push_back({value.name, value.values.size(), value.is_row});
-  }
+  const auto named = [&](const std::string& name) {
+    return std::find_if(columns.begin(), columns.end(), [&](const Column& c) { return c.name == name; });
+  };
+  if (std::exchange(accepts_columns, false))
+    for (const auto& value : row)
+      if (named(value.name) == columns.end())
+        columns.push_back({value.name,
+                           value.values.size(),
+                           value.is_row,
+                           {},
+                           std::vector<Real>(rows * value.values.size(), std::numeric_limits<Real>::quiet_NaN())});
   const auto column_of = [&](const SeriesValue& value) {
-    const auto at = std::find_if(columns.begin(), columns.end(), [&](const Column& c) { return c.name == value.name; });
+    const auto at = named(value.name);
     if (at == columns.end() || at->is_row != value.is_row || at->width != value.values.size())
       throw std::invalid_argument(group + "/" + value.name + ": not as in the first row");
     return at;

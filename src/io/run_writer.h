@@ -104,7 +104,7 @@ class RunWriter {
   /// Removes the frames from number frames() on, which append() has left.
   void drop_later_frames();
   /// Stores one row of every series in memory until the next frame or flush(). The first sample names the columns for
-  /// the run.
+  /// the run. After append() the first sample may add columns, as a newer version does: NaN in the rows before.
   void add_sample(std::span<const SeriesValue> sample) { samples_.add(sample); }
   /// Adds a row to /events, which may stay empty.
   void add_event(std::span<const SeriesValue> event) { events_.add(event); }
@@ -138,6 +138,7 @@ class RunWriter {
     std::string group;
     std::uint64_t rows = 0;
     std::vector<Column> columns = {};
+    bool accepts_columns = true;  ///< until the first row of this writer
 
     /// The table in the file, cut to its first `rows`.
     static Table stored(hdf5::File& file, const std::string& group, std::uint64_t rows);

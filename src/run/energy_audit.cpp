@@ -136,7 +136,7 @@ Real EnergyAudit<D>::wall_power(At at) {
 }
 
 template <int D>
-void EnergyAudit<D>::sample(At at) {
+typename EnergyAudit<D>::Rates EnergyAudit<D>::rates(At at) {
   const ParticleSystem<D>& particles = simulation_.particles();
   const State& state = simulation_.state();
   std::array<Real, 2> sums{};  // power, kinetic energy
@@ -157,8 +157,24 @@ void EnergyAudit<D>::sample(At at) {
     sums[1] = kinetic_energy(own);
   }
   simulation_.ranks().sum(sums);
-  heat_.add(state.t, sums[0]);
-  largest_ = std::max(largest_, sums[1]);
+  return {sums[0], sums[1]};
+}
+
+template <int D>
+void EnergyAudit<D>::sample(At at) {
+  const Rates now = rates(at);
+  heat_.add(simulation_.state().t, now.heat);
+  largest_ = std::max(largest_, now.kinetic_energy);
+}
+
+template <int D>
+std::pair<SampledIntegral, Real> EnergyAudit<D>::until_now() {
+  std::pair all{heat_, largest_};
+  if (due(simulation_.state().step)) return all;
+  const Rates now = rates(At::anywhere);
+  all.first.add(simulation_.state().t, now.heat);
+  all.second = std::max(largest_, now.kinetic_energy);
+  return all;
 }
 
 /// Energy of contacts compressed by 1e-9 of a radius.
@@ -175,21 +191,17 @@ Real EnergyAudit<D>::rounding() const {
 
 template <int D>
 EnergyBudget EnergyAudit<D>::budget() {
-  const SampledIntegral heat = heat_;
-  const Real largest = largest_;
-  if (!due(simulation_.state().step)) sample(At::anywhere);
+  const auto [heat, largest] = until_now();
   EnergyBudget b;
   for (const ContactTable& table : simulation_.particles().history().tables())
     for (const Real lost : table.heat()) b.heat += lost;
-  b.heat = simulation_.ranks().sum(b.heat) + heat_.value();
-  b.uncertainty = heat_.error();
+  b.heat = simulation_.ranks().sum(b.heat) + heat.value();
+  b.uncertainty = heat.error();
   b.energy = energy();
   b.change = b.energy - start_energy_;
-  b.work = work_ + brought_;
-  b.largest = largest_;
+  b.work = work();
+  b.largest = largest;
   b.rounding = rounding();
-  heat_ = heat;  // the run may continue
-  largest_ = largest;
   return b;
 }
 

@@ -90,7 +90,10 @@ class EnergyAudit {
     power_ = wall_power(At::anywhere);
   }
 
-  Real work() const { return work_; }  ///< work of moving walls
+  Real wall_work() const { return work_; }        ///< work of moving walls
+  Real work() const { return work_ + brought_; }  ///< of walls, and of changes that outside() has made
+  /// Heat of drag and of friction without history until now.
+  Real sampled_heat() { return until_now().first.value(); }
   EnergyBudget budget();
 
   void visit(Archive& archive);
@@ -108,7 +111,13 @@ class EnergyAudit {
   Real energy();
   Real energy_of(std::span<const Index> ids);
   Real wall_power(At at);
+  struct Rates {
+    Real heat, kinetic_energy;  ///< power of the sampled heat
+  };
+  Rates rates(At at);
   void sample(At at);
+  /// The integral of the sampled heat, and the largest kinetic energy. Copies, because the run may continue.
+  std::pair<SampledIntegral, Real> until_now();
 
   Simulation<D>& simulation_;
   bool started_ = false;

@@ -80,12 +80,47 @@ def test_the_audit_of_sound_runs(options, tmp_path):
     assert "energy: change" in result.stdout
 
 
+def budget_errors(series):
+    energy = series["kinetic_energy"] + series["potential_energy"] + series["gravity_energy"]
+    return energy - energy[0] - series["work"] + series["heat"]
+
+
+@pytest.mark.parametrize("options", [{}, {"flow": "discharge"}, {"model": "disk", "zeta": 0.5, "hopper_width": 4}, {"integrator": "ts"},
+                                     {"model": "smooth", "n_vertices": 8, "edge_width": 0.3, "n": 30, "t_end": 3},
+                                     {"dim": 3, "hopper_wall_distance": 4, "pack_fraction": 0.5},
+                                     {"dim": 3, "model": "rough", "n": 10, "hopper_wall_distance": 5, "pack_fraction": 0.3, "t_end": 2}])
+def test_every_sample_balances(options, tmp_path):
+    """Samples at other times than the audit's values of the heat, which are 64 steps of Verlet, or 8 of TS, apart."""
+    options = {**SMALL, "sample_interval": 0.03, **options}
+    if options.get("model") == "disk":
+        options.pop("mu")
+    result = pliant("hopper", output=tmp_path / "run", **options)
+    assert result.returncode == 0, result.stderr
+    series, audit = Results(tmp_path / "run").series, summary_of(tmp_path / "run")["energy_audit"]
+    scale = max(abs(audit[name]) for name in ("work", "heat", "change"))
+    assert np.abs(budget_errors(series)).max() < (2 * audit["relative_error"] + 3 * audit["uncertainty"] + 1e-3) * scale < 0.1 * scale
+    rising = np.diff(series["heat"])  # the power differs between two times of the audit: steps backwards are small
+    assert series["heat"][0] == 0 == series["work"][0] and rising.min() > -1e-3 * scale and series["heat"][-1] > 0.5 * scale
+    assert series["work"][-1] == audit["work"] and series["heat"][-1] == pytest.approx(audit["heat"], rel=1e-12)
+    if options["t_end"] == SMALL["t_end"]:
+        assert (np.diff(series["work"]) != 0).sum() > 2  # reinsertions, or removals
+
+
+def test_without_an_audit_there_is_no_budget(tmp_path):
+    result = pliant("hopper", output=tmp_path / "run", **{**TS, "mu": 0, "t_end": 1}, dynamics="overdamped")
+    assert result.returncode == 0, result.stderr
+    series = Results(tmp_path / "run").series
+    assert "gravity_energy" in series and not {"work", "heat"} & set(series)
+
+
 def test_the_audit_goes_on_after_a_restart(tmp_path):
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     assert pliant("hopper", output=whole, **SMALL).returncode == 0
     assert pliant("hopper", output=parts, **{**SMALL, "t_end": 2.345}).returncode == 0
     assert pliant("hopper", restart=parts, t_end=SMALL["t_end"]).returncode == 0
     assert summary_of(parts)["energy_audit"] == summary_of(whole)["energy_audit"]
+    a, b = Results(whole).series, Results(parts).series
+    assert all(np.array_equal(a[name], b[name]) for name in ("gravity_energy", "work", "heat")) and a["work"][-1] != 0
 
 
 def test_a_raft_that_makes_energy(tmp_path):

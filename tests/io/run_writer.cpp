@@ -46,6 +46,41 @@ std::vector<std::string> frame_names(const std::filesystem::path& folder) {
 
 }  // namespace
 
+TEST_CASE("a later version adds columns to the series of a run") {
+  const ScratchFolder scratch;
+  const auto topology = small_topology(false, 2);
+  {
+    auto writer = new_run(scratch.path(), topology);
+    for (int k = 0; k < 3; ++k) add_sample(writer, k);
+    CHECK_THROWS_AS(writer.add_sample(std::vector<SeriesValue>{{"time", 3.0}, {"heat", 1.0}}), std::invalid_argument);
+    writer.write_frame(FrameData(topology, 0, 2).frame());
+  }
+  const std::vector<Real> three{1, 2, 3}, two{4, 5};
+  const auto longer = [&](RunWriter& writer, Real t) {
+    writer.add_sample(std::vector<SeriesValue>{
+        {"time", t}, {"profile_momentum", three}, {"dt", 0.1}, {"heat", 7 * t}, {"more", two}});
+  };
+  {
+    auto writer = RunWriter::append(scratch.path(), topology, 2, 1);
+    longer(writer, 2);
+    longer(writer, 3);
+    CHECK_THROWS_AS(add_sample(writer, 4), std::invalid_argument);
+    writer.flush();
+  }
+  auto series = read_series(scratch.path());
+  CHECK(series.at("time").values == std::vector<Real>{0, 1, 2, 3});
+  const std::vector<Real>&heat = series.at("heat").values, &more = series.at("more").values;
+  REQUIRE(heat.size() == 4);
+  CHECK((std::isnan(heat[0]) && std::isnan(heat[1]) && heat[2] == 14 && heat[3] == 21));
+  REQUIRE(more.size() == 8);
+  CHECK((std::isnan(more[3]) && more[4] == 4 && more[7] == 5));
+  {
+    auto writer = RunWriter::append(scratch.path(), topology, 3, 1);
+    longer(writer, 9);
+  }
+  CHECK(read_series(scratch.path()).at("heat").rows == 3);
+}
+
 TEST_CASE("a run holds what was written") {
   const bool polygons = GENERATE(true, false);
   const int dim = polygons ? 2 : GENERATE(2, 3);

@@ -75,6 +75,7 @@ void check_sample() {
   CHECK(value["crossed_area"] == 3.5);
   CHECK(value["in_hopper"] == 5);
   CHECK(value["kinetic_energy"] == Approx(c.topology.mass(0) / 2 * (4 + 25 + 49)));
+  CHECK(value["gravity_energy"] == Approx(c.topology.mass(0) * (1 + 1 + 5 + 5 + 10 - 2)));
   CHECK(value["contact_pairs"] == 1);
   CHECK(value["max_speed"] == Approx(5));
   CHECK(value["max_overlap"] == Approx(0.1));
@@ -104,7 +105,6 @@ void check_disks() {
   CHECK(value["kinetic_energy"] == Approx(c.topology.inertia[0] / 2 * 2500));
   CHECK(value["friction_force"] == Approx(2 * DiskParameters().mu_disk * 10 / 3));  // μN on both, in the mean of three
   CHECK(value["drag_force"] == 0);
-  CHECK(value["heat"] == 0);
 }
 
 /// Rows of a steady flow of rate 2. noise: relative, of density and rate.

@@ -211,7 +211,7 @@ class ChannelProtocol final : public Protocol<2> {
                                  {"contact_pairs", sums[5]},
                                  {"kinetic_energy", sums[0]},
                                  {"elastic_energy", sums[1]},
-                                 {"plunger_work", audit_.work()},
+                                 {"plunger_work", audit_.wall_work()},
                                  {"momentum", std::span<const Real>(sums).subspan(2, 2)},
                                  {"angular_momentum", sums[4]}};
     heat_ = add_heat(row, particles().history(), ranks());
@@ -260,7 +260,7 @@ class ChannelProtocol final : public Protocol<2> {
     s["jammed_pushes"] = jams_;
     s["largest_overlap"] = largest_overlap_;
     s["largest_plunger_force"] = quantity(largest_plunger_force_, NAN, "dyn");
-    s["plunger_work"] = quantity(audit_.work(), NAN, "erg");
+    s["plunger_work"] = quantity(audit_.wall_work(), NAN, "erg");
     s["heat"] = quantity(heat_, NAN, "erg");
   }
 

@@ -14,7 +14,6 @@
 #include <pliant/io/summary.h>
 #include <pliant/model/polygon.h>
 #include <pliant/run/frame_data.h>
-#include <pliant/run/heat.h>
 
 namespace pliant {
 namespace {
@@ -117,6 +116,7 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Conta
   std::array sums{
       kinetic,
       system.field().energy(view) - weight_energy,
+      weight_energy,
       in_hopper,
       static_cast<Real>(touching.size()),
       sum_of_forces<D>("drag", system, view, centres.position, buffer),
@@ -128,8 +128,8 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Conta
       static_cast<Real>(flow.crossed),
       flow.area};
   ranks.sum(sums);
-  const auto [kinetic_energy, potential_energy, above, contact_pairs, drag, friction, density, fraction, crossed,
-              crossed_area] = sums;
+  const auto [kinetic_energy, potential_energy, gravity_energy, above, contact_pairs, drag, friction, density, fraction,
+              crossed, crossed_area] = sums;
   sample.kinetic_energy = kinetic_energy;
   sample.top_height = top;
   sample.bulk_fraction = fraction;
@@ -143,6 +143,7 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Conta
                 {"in_hopper", above},
                 {"kinetic_energy", kinetic_energy},
                 {"potential_energy", potential_energy},
+                {"gravity_energy", gravity_energy},
                 {"contact_pairs", contact_pairs},
                 {"drag_force", drag * each},
                 {"friction_force", friction * each},
@@ -154,10 +155,6 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Conta
                 {"dt", dt},
                 {"profile_momentum", std::span<const Real>(momentum)},
                 {"profile_weight", std::span<const Real>(weight)}};
-  if (!system.history().empty()) {
-    const Real heat = add_heat(sample.row, system.history(), ranks);
-    sample.row.emplace_back("heat", heat);
-  }
   return sample;
 }
 
