@@ -549,6 +549,12 @@ class Simulation:
         """Writes a checkpoint of the present state, from which restart() continues; in a callback, after the step."""
         self._core.save()
 
+    @property
+    def called_functions(self) -> bool:
+        """Whether the run has called callbacks or a force function, also before a restart; then `python3 -m pliant` refuses to
+        continue it. True after a restart from a checkpoint of a version before 2026-11-28."""
+        return self._core.called_functions
+
     def write_frame(self) -> None:
         """Writes a frame of the present state to run.h5; also in callbacks."""
         self._core.write_frame()

@@ -84,6 +84,7 @@ class Simulated final : public AnySimulation {
   void write_sample() override;
   void save() override;
   std::string description() const override;
+  bool called_functions() const override { return called_functions_; }
   std::optional<std::string> output() const override {
     return output_ ? std::optional(output_->folder().string()) : std::nullopt;
   }
@@ -216,6 +217,7 @@ class Simulated final : public AnySimulation {
   std::int64_t rebuilds_before_ = 0;  ///< of lists, before a restart
   Real last_dt_ = 0;                  ///< before a restart
   bool fresh_ = true;                 ///< nothing that the integrator carries belongs to the state
+  bool called_functions_ = false;     ///< callbacks, or a force function
   bool function_acts_ = false;        ///< the numbers that the integrator carries include a force function
 
   std::vector<Index> offset_{0};  ///< [N + 1] first point of each particle in arrays

@@ -66,6 +66,7 @@ void Simulated<D>::visit(Archive& a, MotionNumbers& n) {
   motion.particles();
   motion.numbers(Archive::any, {});
   a.flag("force_function", function_acts_);
+  a.newer("called_functions", called_functions_, 0, 1);
   output_->visit(a);
   motion.state();
   if (a.reads()) set_integrator(n.dt);
@@ -117,6 +118,7 @@ Simulated<D>::Simulated(const Checkpoint& c, const nlohmann::json& from, const O
   Archive archive(c, &stored);
   MotionNumbers n;
   n.taken.steps = c.step;
+  called_functions_ = true;  // unless the checkpoint says otherwise, which one of an older version does not
   output_ = std::make_unique<RunOutput<D>>(std::move(lock), intervals, settings_->model.name);
   visit(archive, n);
   fresh_ = n.changed;

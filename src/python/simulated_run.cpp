@@ -39,6 +39,7 @@ void Simulated<D>::run(std::optional<Real> duration, std::int64_t count, const s
   const CureOptions cures([this](Cure cure) { return settings_->options.curing(cure); });
   std::unique_ptr<ForceFunction> function;
   const bool acts = !force.is_none();
+  called_functions_ |= acts || !callbacks.empty();
   if (acts) {
     function = std::make_unique<ForceFunction>(*this, std::move(force), running.error);
     field_->set_function([&](const StateView<D>& s, Real* f) { (*function)(s, f); });

@@ -110,6 +110,7 @@ void bind_simulation(py::module_& m) {
       .def_property_readonly("steps", &AnySimulation::steps)
       .def_property_readonly("dt", &AnySimulation::dt)
       .def_property_readonly("closed", &AnySimulation::closed)
+      .def_property_readonly("called_functions", &AnySimulation::called_functions)
       .def("array", &AnySimulation::array)
       .def("counters", &AnySimulation::counters)
       .def("topology", &AnySimulation::topology)

@@ -85,6 +85,8 @@ class AnySimulation {
   virtual void save() = 0;
   /// How it was made, as JSON: "dim", "arguments", "box", "gravity", "walls".
   virtual std::string description() const = 0;
+  /// Whether the run so far has called functions of Python: callbacks, or a force.
+  virtual bool called_functions() const = 0;
   /// The folder, or nothing.
   virtual std::optional<std::string> output() const = 0;
 

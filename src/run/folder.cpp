@@ -102,7 +102,9 @@ void take_options(std::string_view scenario, const Checkpoint& checkpoint, Optio
     if (own == python_scenario)
       throw InputError(
           "{0} holds a pliant.Simulation of a Python program, which has its callbacks and forces; continue it there "
-          "with pliant.Simulation.restart(\"{0}\"), or start a new run from its last frame with -start {0}/run.h5",
+          "with pliant.Simulation.restart(\"{0}\"), without functions of Python with `python3 -m pliant {0} --until "
+          "T`, or "
+          "start a new run from its last frame with -start {0}/run.h5",
           folder);
     throw InputError("{} holds a run of scenario '{}', not of {}; choose another folder", folder, own, scenario);
   }

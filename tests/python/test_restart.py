@@ -1,6 +1,8 @@
 """Simulations that continue from their checkpoints, with the same bits as without the interruption."""
 
 import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -208,3 +210,35 @@ def test_run_until():
     for arguments in ({}, {"t": 1, "until": 2}, {"until": 0.1}, {"until": "1"}):
         with pytest.raises(pliant.InputError):
             sim.run(**arguments)
+
+
+def test_the_command_line_continues_a_run(tmp_path):
+    """With the bits of an uninterrupted run; not where functions of Python took part, unless they may stay away."""
+    options = dict(frame_interval=0.2, sample_interval=0.07)
+    with crowd(model="disk", output=tmp_path / "whole", **options) as sim:
+        sim.run(until=0.5), sim.run(until=1)
+    with crowd(model="disk", output=tmp_path / "parts", **options) as sim:
+        sim.run(until=0.5)
+        assert not sim.called_functions
+
+    def go_on(folder, *more):
+        return subprocess.run([sys.executable, "-B", "-m", "pliant", str(tmp_path / folder), "--until", "1", *more],
+                              capture_output=True, encoding="utf-8", timeout=120)
+    done = go_on("parts")
+    assert done.returncode == 0 and "parts: t = 1.00025, " in done.stdout, done.stderr
+    a, b = Run(tmp_path / "whole"), Run(tmp_path / "parts")
+    assert a.series.equals(b.series) and len(a.frames) == len(b.frames)
+    np.testing.assert_array_equal(a.frames[-1].positions, b.frames[-1].positions)
+    late = go_on("parts")
+    assert late.returncode == 2 and late.stderr.startswith("python3 -m pliant: error: ") and "at t = 1.00025 already" in late.stderr
+
+    for name, call, force in (("called", lambda sim: None, None), ("forced", None, lambda x, v, t: 0 * x)):
+        with crowd(output=tmp_path / name) as sim:
+            sim.force = force
+            sim.run(until=0.1, callback=call)
+        with Simulation.restart(tmp_path / name) as sim:
+            sim.run(until=0.2)
+        refused = go_on(name)
+        assert refused.returncode == 2 and "callbacks or a force" in refused.stderr, refused.stderr
+        assert go_on(name, "--without-functions").returncode == 0
+        assert Run(tmp_path / name).summary["t"] == pytest.approx(1, abs=0.01)
