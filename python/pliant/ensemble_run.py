@@ -14,6 +14,14 @@ from .run import Run
 from .run_file import RunFile
 
 
+def write_member(member, path):
+    """Writes a member of ensemble.h5, a group of a RunFile, to a new file `path` in the format of run.h5."""
+    with h5py.File(path, "w-", libver=("earliest", "v110")) as file:
+        for part in member.names():
+            if part != "summary":
+                member.copy(part, file)
+
+
 class Ensemble(Sequence):
     """The ensemble in folder `path`, which has ended. Its items are the runs, numbered from 0, each a `Run`. Raises
     RunError if the folder holds no ensemble, or one that has not ended."""
@@ -70,9 +78,6 @@ class Ensemble(Sequence):
         if "manifest" not in member:
             raise RunError(f"{self.path}: run {int(name)} failed before it had data: {summary.get('message')}")
         folder.mkdir(parents=True)
-        with h5py.File(folder / "run.h5", "w-", libver=("earliest", "v110")) as file:
-            for part in member.names():
-                if part != "summary":
-                    member.copy(part, file)
+        write_member(member, folder / "run.h5")
         (folder / "summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
         return Run(folder)

@@ -26,6 +26,7 @@ command resumes stopped runs and skips finished ones. docs/how-to/sweeps.md has 
 
 _EPILOG = """examples:
   pliant-sweep widths.csv -j 4
+  pliant-sweep seeds.csv --ensembles
   pliant-sweep widths.csv --status
   pliant-sweep widths.csv --slurm && sbatch widths/slurm.sh
 
@@ -156,6 +157,8 @@ def _parser():
                         help="folder of the runs and of results.csv (default: the table's name without its ending)")
     parser.add_argument("-j", "--jobs", type=int, metavar="N", help="runs at a time (default: one per core, or "
                         "fewer if the table has the column threads)")
+    parser.add_argument("--ensembles", action="store_true", help="run rows that differ only in the seed as one ensemble: faster for "
+                        "runs of seconds, which get no checkpoints")
     parser.add_argument("--program", metavar="FILE", help="the pliant to run (default: $PLIANT, or the one next to this "
                         "command, of the build, or of the PATH)")
     parser.add_argument("--retry", action="store_true", help="run failed rows again, from their checkpoint if "
@@ -182,6 +185,10 @@ def main(arguments_=None):
     given = parser.parse_args(arguments_)
     if given.jobs is not None and given.jobs < 1:
         parser.error(f"-j {given.jobs}: at least one")
+    if given.ensembles:
+        for name in ("row", "slurm", "parallel"):
+            if getattr(given, name):
+                parser.error(f"--ensembles runs many rows in one process and --{name} a single one; leave out one of the two")
     for path in (given.table, given.output or given.table):
         if any(unicodedata.category(c) in ("Cc", "Cs") for c in str(path)):
             raise RunError(f"{ascii(str(path))}: a name here must be UTF-8 without control characters; rename it")
@@ -222,7 +229,7 @@ def main(arguments_=None):
               f"{_row_command(given.table, output, program)} --row {{}}")
         return 0
 
-    states = Sweep(folders, program, workers, given.retry, patient=given.row is None).run()
+    states = Sweep(folders, program, workers, given.retry, patient=given.row is None, ensembles=given.ensembles).run()
     if given.row is None:
         write_results(output, folders)
         remark(count_text(states.values()))

@@ -1,5 +1,6 @@
-"""Runs the rows of a sweep, one process per row: status, stop and resume."""
+"""Runs the rows of a sweep, one process per row or per ensemble of rows: status, stop and resume."""
 
+import contextlib
 import ctypes
 import dataclasses
 import functools
@@ -18,6 +19,7 @@ from .errors import OutputError, RunError
 from .files import no_links, read_bytes, read_json, write_json
 from .follow import holder
 from .script import remark
+from .sweep_ensembles import FOLDER, EnsembleFolder, consecutive
 from .sweep_rows import is_number
 
 #: `status` in summary.json of runs that have nothing left to do.
@@ -34,6 +36,8 @@ _LIBC = ctypes.CDLL(None, use_errno=True)
 _PR_SET_PDEATHSIG = 1
 #: Options whose larger value makes a run longer; a smaller one is shorter than the existing run.
 _LENGTHS = ("t_end", "pushes")
+#: Options of rows that do not run in an ensemble: they would be options of all runs together.
+_ALONE = ("threads", "max_wall_time")
 _LARGEST_OPTIONS = 1 << 16  # bytes of an options file that the program reads
 
 
@@ -63,7 +67,10 @@ def restart_rules(program, scenario):
 
 class RowFolder:
     """The folder of a row: the run's own files, log.txt, and row.json with the options it was started with and how the
-    last attempt ended. The program locks the folder while it runs there."""
+    last attempt ended. The program locks the folder while it runs there. A row of an ensemble has the name of the ensemble's
+    folder in row.json, no checkpoints, and its files once the ensemble has ended."""
+
+    slots = 1  #: runs at a time
 
     def __init__(self, output, row, base, program=None):
         """`base`: the folder that relative names of files begin from. `program` lists which options a restart may change;
@@ -71,6 +78,28 @@ class RowFolder:
         self.row, self.base, self._program = row, Path(base).absolute(), program
         self.path = Path(output).absolute() / row.id
         self.log_path = self.path / "log.txt"
+
+    @property
+    def rows(self):
+        """The rows that run together: this one."""
+        return [self]
+
+    @property
+    def environment(self):
+        """Changes of the environment of the program."""
+        return {"OMP_NUM_THREADS": self.row.options.get("threads", "1")}
+
+    def rows_of(self, ensemble):
+        """The rows of this sweep, also of earlier tables, that are in an ensemble, as they were when it started."""
+        found = []
+        for file in self.path.parent.glob("*/row.json"):
+            row = RowFolder(self.path.parent, dataclasses.replace(self.row, id=file.parent.name), self.base)
+            with contextlib.suppress(RunError):  # the row reports it
+                if row.ensemble() == ensemble:
+                    row._identity = row._record()["run"]
+                    row.row = dataclasses.replace(row.row, options=row._identity["options"])
+                    found.append(row)
+        return found
 
     def _summary(self):
         """Content of summary.json; empty without one. Raises RunError."""
@@ -82,9 +111,15 @@ class RowFolder:
         record = read_json(path) or {}
         run = record.get("run")
         if not (run is None or (isinstance(run, dict) and isinstance(run.get("scenario"), str) and _is_text(run.get("options")))
-                ) or not isinstance(record.get("exit_code"), (int, type(None))) or not isinstance(record.get("message", ""), str):
+                ) or not isinstance(record.get("exit_code"), (int, type(None))) or not isinstance(record.get("message", ""), str
+                ) or not _is_name(record.get("ensemble", "name")):
             raise RunError(f"{path}: is not a record of a sweep; restore it from a backup, or delete {self.path} to run the row again")
         return record
+
+    def ensemble(self):
+        """The folder of the ensemble of the row's last attempt, which may be gone; None if the row ran alone. Raises RunError."""
+        name = self._record().get("ensemble")
+        return None if name is None else self.path.parent / FOLDER / name
 
     def _write_record(self, record):
         write_json(self.path / "row.json", record)
@@ -140,8 +175,8 @@ class RowFolder:
     def state(self):
         """The status of the row."""
         try:
-            holds = holder(self.path)
-            summary, record = self._summary(), self._record()
+            summary, record, ensemble = self._summary(), self._record(), self.ensemble()
+            holds = holder(self.path) or (ensemble and holder(ensemble))
         except RunError as error:  # the other rows continue
             return State("failed", "failed", str(error))
         status = None if _digest(summary) == record.get("outdated_summary_sha256") else summary.get("status")
@@ -164,6 +199,8 @@ class RowFolder:
         found = []
         for file in self.path.parent.glob("*/row.json"):
             other = RowFolder(file.parent.parent, dataclasses.replace(self.row, id=file.parent.name), self.base)
+            if not other._has_run():
+                continue
             try:
                 record, status, busy = other._record().get("run"), other._summary().get("status"), holder(other.path)
             except RunError:  # its row reports it
@@ -171,8 +208,7 @@ class RowFolder:
             if other.path == self.path or record is None or status not in (*FINISHED, "stopped") or busy:
                 continue
             changes = self._changes(record)
-            if (list(changes) == ["t_end"] and changes["t_end"][0] is not None and self._extends(changes)
-                    and other._has_run()):
+            if list(changes) == ["t_end"] and changes["t_end"][0] is not None and self._extends(changes):
                 found.append((float(changes["t_end"][0]), other.path))
         return max(found)[1] if found else None
 
@@ -180,31 +216,65 @@ class RowFolder:
         return (self.path / "run.h5").exists() and any(self.path.glob("checkpoint-[ab].h5"))
 
     def start(self, program):
-        """(command, changes of the environment) of the next attempt. The program resumes from a checkpoint if there is
-        one, else from the checkpoint of a shorter run; it removes an attempt without frames."""
+        """The command of the next attempt. The program resumes from a checkpoint if there is one, else from the checkpoint of
+        a shorter run; it removes an attempt without frames. A run of an ensemble has no checkpoint and starts again."""
+        self._remove_member()
         folders = ["-output", str(self.path)]
         if self._has_run():
             folders += ["-restart", str(self.path)]
         elif shorter := self._shorter():
             folders += ["-restart", str(shorter)]
+        self._note_start({})
+        return [*self.command(program), *folders]
+
+    def command(self, program):
+        """The command of the row without its folder."""
+        return [str(program), self.row.scenario, *arguments(self.row.options, self.base)]
+
+    def start_in(self, ensemble):
+        """Notes that the row is run by the ensemble with this name."""
+        self._remove_member()
+        self._note_start({"ensemble": ensemble})
+
+    def may_start_in_an_ensemble(self):
+        """Whether there is nothing to resume or to branch from, and no other reason to run the row alone."""
+        return (self.row.options.get("seed", "").isdigit() and not any(name in self.row.options for name in _ALONE)
+                and not self.runs_alone() and (self.ensemble() is not None or not (self.path / "run.h5").exists())
+                and self._shorter() is None)
+
+    def runs_alone(self):
+        """Whether the folder holds a run that can be resumed, or is in use: not a run of an ensemble."""
+        return self._has_run() or holder(self.path) is not None
+
+    def settings(self):
+        """All settings of the row but its seed, as a text."""
+        identity = self._identity | {"options": {k: v for k, v in self.row.options.items() if k != "seed"}}
+        return json.dumps(identity, sort_keys=True)
+
+    def _remove_member(self):
+        """Removes the run of an earlier ensemble, which cannot be resumed."""
+        if self.ensemble() is not None and not self._has_run():
+            for name in ("run.h5", "summary.json"):
+                (self.path / name).unlink(missing_ok=True)
+
+    def _note_start(self, more):
         # The summary first: if another sweep extends the row meanwhile, its record shows that there is nothing to extend.
         summary, before = self._summary(), self._record()
-        record = {"run": self._identity} | _outdated(before)
+        record = {"run": self._identity} | more | _outdated(before)
         if self._changes(before.get("run") or self._identity):
             record["outdated_summary_sha256"] = _digest(summary)
         if record != before:
             self._write_record(record)
-        command = [str(program), self.row.scenario, *arguments(self.row.options, self.base), *folders]
-        return command, {"OMP_NUM_THREADS": self.row.options.get("threads", "1")}
 
-    def end(self, code, log_start):
-        """Writes down how an attempt has ended; its output begins at `log_start` of log.txt."""
-        record = {"run": self._identity, "exit_code": code}
+    def end(self, code, output):
+        """Writes down how an attempt has ended, whose output is the text `output`."""
+        before = self._record()
+        record = {"run": self._identity, "exit_code": code} | {k: v for k, v in before.items() if k == "ensemble"}
         if code == 0 and self._summary().get("status") not in FINISHED:
             record["exit_code"] = 1
         if record["exit_code"] != 0:
-            record["message"] = f"{self._end_text(code)}: {self._last_error(log_start)}"
-            record |= _outdated(self._record())
+            record["message"] = f"{self._end_text(code)}: {_last_error(output)}"
+            record |= _outdated(before)
         self._write_record(record)
 
     @staticmethod
@@ -213,13 +283,12 @@ class RowFolder:
             return f"killed by {signal.Signals(-code).name}"
         return f"exit code {code}" if code else "exit code 0 without a result"
 
-    def _last_error(self, start):
-        with open(self.log_path, encoding="utf-8", errors="replace") as log:
-            log.seek(start)
-            lines = [line.strip() for line in log if line.strip()]
-        # Other sweeps write to the file too, but only that the folder is in use.
-        errors = [line for line in lines if "error:" in line and "is in use by" not in line]
-        return (errors or lines or ["no output"])[-1]
+
+def _last_error(output):
+    lines = [line.strip() for line in output.splitlines() if line.strip()]
+    # Other sweeps write to the file too, but only that the folder is in use.
+    errors = [line for line in lines if "error:" in line and "is in use by" not in line]
+    return (errors or lines or ["no output"])[-1]
 
 
 def _digest(summary):
@@ -238,6 +307,11 @@ def _at_least(new, old):
 
 def _is_text(options):
     return isinstance(options, dict) and all(isinstance(value, str) for value in options.values())
+
+
+def _is_name(value):
+    """Whether a value can name a folder below another one."""
+    return isinstance(value, str) and value not in ("", "..") and value == Path(value).name
 
 
 def _changes_text(changes):
@@ -267,21 +341,23 @@ def _stop_with(parent):
 
 
 class _Job:
-    """A row that runs here."""
+    """A row, or an ensemble of rows, that runs here."""
 
-    def __init__(self, folder, program):
-        self.folder = folder
+    def __init__(self, task, program):
+        """`task`: a RowFolder or an EnsembleFolder"""
+        self.task = task
         self.asked = self.killed = False
         self.started = time.monotonic()
-        command, needs = folder.start(program)
-        with open(folder.log_path, "ab", opener=no_links) as log:
-            self._log_start = log.tell()
-            self.process = subprocess.Popen(command, cwd=folder.base, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
-                                            env=os.environ | needs, preexec_fn=_stop_with(os.getpid()))
+        command = task.start(program)
+        self._log = open(task.log_path, "a+b", opener=no_links)  # stays readable if another sweep removes an ensemble
+        self._log_start = self._log.seek(0, os.SEEK_END)
+        self.process = subprocess.Popen(command, cwd=task.base, stdin=subprocess.DEVNULL, stdout=self._log, stderr=subprocess.STDOUT,
+                                        env=os.environ | task.environment, preexec_fn=_stop_with(os.getpid()))
 
     @property
     def seconds(self):
-        return time.monotonic() - self.started
+        """Time so far, for each run at a time."""
+        return (time.monotonic() - self.started) * self.task.slots
 
     @property
     def refused(self):
@@ -291,18 +367,22 @@ class _Job:
     def ended(self):
         if self.process.poll() is None:
             return False
+        with self._log as log:
+            log.seek(self._log_start)
+            output = log.read().decode(errors="replace")
         if not self.killed and not self.refused:  # else treated like a lost machine: to be run again
-            self.folder.end(self.process.returncode, self._log_start)
+            self.task.end(self.process.returncode, output)
         return True
 
 
 class Sweep:
     """Runs rows with a number of workers until none is left or a signal comes. The program's lock makes sure that a row
-    runs once at a time: exit code 6 means that another process has it. A patient sweep waits for such rows."""
+    runs once at a time: exit code 6 means that another process has it. A patient sweep waits for such rows. With `ensembles`,
+    rows that differ only in the seed run in one process."""
 
-    def __init__(self, folders, program, workers, retry=False, patient=True):
+    def __init__(self, folders, program, workers, retry=False, patient=True, ensembles=False):
         self._folders, self._program, self._workers = folders, program, workers
-        self._retry, self._patient = retry, patient
+        self._retry, self._patient, self._ensembles = retry, patient, ensembles
         self._terminal = sys.stdout.isatty()
         self._jobs, self._seconds = [], []
         self._taken = []  # folders in use by other processes, and when to try them again
@@ -333,19 +413,20 @@ class Sweep:
             self._kill = True
 
     def _run(self):
-        todo = []
+        rows = []
         for folder in self._folders:
+            self._collect(folder)
             state = self.states[folder.row.id] = folder.state()
             if state.kind in ("waiting", "stopped", "running") or (state.kind == "failed" and self._retry):
-                todo.append(folder)
+                rows.append(folder)
             elif len(self._folders) == 1:  # a task of an array reports its row
                 self._report(folder, state)
-        todo.reverse()
+        todo = self._tasks(rows)
         while self._jobs or ((todo or self._taken) and self._stop_at is None):
             todo.extend(folder for folder, at in self._taken if at <= time.monotonic())
             self._taken = [(folder, at) for folder, at in self._taken if at > time.monotonic()]
-            while todo and len(self._jobs) < self._workers and self._stop_at is None:
-                self._begin(todo.pop())
+            while todo and todo[-1].slots <= self._free() and self._stop_at is None:
+                todo.extend(self._begin(todo.pop()))
             for job in [job for job in self._jobs if job.ended()]:
                 self._jobs.remove(job)
                 self._finish(job)
@@ -355,29 +436,68 @@ class Sweep:
                 time.sleep(0.05)
         self._clear_line()
 
-    def _begin(self, folder):
+    def _free(self):
+        return self._workers - sum(job.task.slots for job in self._jobs)
+
+    def _tasks(self, rows):
+        """Rows, and ensembles of rows, in reverse order."""
+        groups = {}  # rows that differ only in the seed; a row that runs alone is a group
+        for row in rows:
+            together = self._ensembles and self.states[row.row.id].kind != "running" and row.may_start_in_an_ensemble()
+            groups.setdefault(row.settings() if together else row.row.id, []).append(row)
+        tasks = [EnsembleFolder(part, self._workers) if len(part) > 1 else part[0]
+                 for group in groups.values() for part in (consecutive(group) if len(group) > 1 else [group])]
+        return tasks[::-1]
+
+    @staticmethod
+    def _collect(folder):
+        """Takes the results of an ensemble that a killed sweep has left."""
+        with contextlib.suppress(RunError):  # its state reports it
+            ensemble = folder.ensemble()
+            if ensemble and ensemble.exists() and not holder(ensemble):
+                EnsembleFolder.of_rows(ensemble, folder.rows_of(ensemble)).collect()
+
+    def _begin(self, task):
+        """Starts a task whose rows are left to do. Returns the tasks of the others, if only some are."""
         try:
-            folder.path.mkdir(parents=True, exist_ok=True)
+            for folder in task.rows:
+                folder.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OutputError(f"{folder.path}: cannot be made ({error.strerror})") from None
+        left = [folder for folder in task.rows if self._is_left(folder)]
+        if len(left) < len(task.rows):
+            return self._tasks(left)
+        try:
+            self._jobs.append(_Job(task, self._program))
+        except OSError as error:
+            raise OutputError(f"row '{task.rows[0].row.id}' cannot be started ({error.filename}: {error.strerror})") from None
+        for folder in task.rows:
+            self.states[folder.row.id] = State("running", "running")
+        return []
+
+    def _is_left(self, folder):
+        """Whether a row is still to be run; reports it if another sweep was here meanwhile."""
+        self._collect(folder)
         state = folder.state()
         if state.kind == "running":
-            return self._leave(folder, state)
-        if state.kind == "done" or (state.kind == "failed" and not self._retry):  # another sweep was here meanwhile
-            return self._report(folder, state)
-        try:
-            self._jobs.append(_Job(folder, self._program))
-        except OSError as error:
-            raise OutputError(f"row '{folder.row.id}' cannot be started ({error.filename}: {error.strerror})") from None
-        self.states[folder.row.id] = State("running", "running")
+            self._leave(folder, state)
+        elif state.kind == "done" or (state.kind == "failed" and not self._retry):
+            self._report(folder, state)
+        else:
+            return True
+        return False
 
     def _finish(self, job):
-        state = job.folder.state()
-        if job.refused and state.kind != "done":
-            return self._leave(job.folder, State("running", "running", holder(job.folder.path) or "another process"))
-        if state.kind == "done":
-            self._seconds.append(job.seconds)
-        self._report(job.folder, state)
+        done = 0
+        for folder in job.task.rows:
+            state = folder.state()
+            if job.refused and state.kind != "done":
+                by = holder(folder.path) or (folder.ensemble() and holder(folder.ensemble())) or "another process"
+                self._leave(folder, State("running", "running", by))
+                continue
+            done += state.kind == "done"
+            self._report(folder, state)
+        self._seconds += [job.seconds / max(done, 1)] * done
 
     def _leave(self, folder, state):
         """To the process that runs in the folder."""
@@ -417,7 +537,7 @@ class Sweep:
     def _left_seconds(self):
         mean = sum(self._seconds) / len(self._seconds)
         waiting = sum(state.kind in ("waiting", "stopped") for state in self.states.values())
-        return (waiting * mean + sum(max(mean - job.seconds, 0) for job in self._jobs)) / self._workers
+        return (waiting * mean + sum(max(mean * len(job.task.rows) - job.seconds, 0) for job in self._jobs)) / self._workers
 
     def _clear_line(self):
         if self._terminal:

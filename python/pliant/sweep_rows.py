@@ -13,7 +13,7 @@ from .files import open_regular
 # Columns that are not options.
 _OWN = ("name", "scenario", "seeds")
 # Options that the sweep itself sets, or that make no run.
-_REFUSED = ("output", "restart", "help", "version")
+_REFUSED = ("output", "restart", "help", "version", "ensemble", "ensemble_over", "ensemble_workers")
 _INTEGER = re.compile(r"[+-]?[0-9]+")
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _CONTROL = re.compile("[\0-\x1f\x7f-\x9f\ud800-\udfff]")

@@ -188,7 +188,8 @@ def test_options_files_that_are_no_files(file, message, table, tmp_path, run):
     "", "null", "3", "[]", '"text"', "{", "\0", "[" * 100000, '{"run": []}', '{"run": 3}', '{"run": {"scenario": "hopper"}}',
     '{"run": {"options": {}}}', '{"run": {"scenario": "hopper", "options": []}}',
     '{"run": {"scenario": "hopper", "options": {"a": 1}}}', '{"run": {"scenario": "hopper", "options": {"a": "1"}}, "exit_code": "0"}',
-    '{"run": {"scenario": "hopper", "options": {"a": "1"}}, "exit_code": 1, "message": []}'])
+    '{"run": {"scenario": "hopper", "options": {"a": "1"}}, "exit_code": 1, "message": []}',
+    '{"run": {"scenario": "hopper", "options": {"a": "1"}}, "ensemble": 1}', '{"run": {"scenario": "hopper", "options": {"a": "1"}}, "ensemble": "../x"}'])
 def test_records_of_other_shapes(text, table, tmp_path, run):
     (tmp_path / "t/x").mkdir(parents=True)
     (tmp_path / "t/x/row.json").write_text(text, encoding="utf-8")
@@ -329,8 +330,8 @@ def test_a_row_whose_folder_is_in_use_waits(table, tmp_path, run):
     """Folder in use by a run that was started by hand: exit code 6 does not count as a failure of the row."""
     path, folder = table("name,mode", "x,gate", "y,"), tmp_path / "t/x"
     folder.mkdir(parents=True)
-    command, changes = RowFolder(tmp_path / "t", rows_of(path)[0], tmp_path).start(PROGRAM)
-    by_hand = subprocess.Popen(command, stdout=subprocess.DEVNULL, env=os.environ | changes)
+    row = RowFolder(tmp_path / "t", rows_of(path)[0], tmp_path)
+    by_hand = subprocess.Popen(row.start(PROGRAM), stdout=subprocess.DEVNULL, env=os.environ | row.environment)
     wait_for(lambda: attempts(path, "x"))
     assert f"row 1 (x): running: process {by_hand.pid} on host {socket.gethostname()}" in run(path, "--status", code=75)
     sweep = start(path)
@@ -361,8 +362,7 @@ def test_the_message_of_a_failure_is_its_own(table, tmp_path):
     """A row reports the error of its run, not the message "folder in use" that another sweep has received."""
     folder = RowFolder(tmp_path / "t", rows_of(table("name", "x"))[0], tmp_path, PROGRAM)
     folder.path.mkdir(parents=True)
-    folder.log_path.write_text("pliant: error: not finite\npliant: error: t/x is in use by process 1 on host a; wait\n", encoding="utf-8")
-    folder.end(3, 0)
+    folder.end(3, "pliant: error: not finite\npliant: error: t/x is in use by process 1 on host a; wait\n")
     assert folder.state().message == "exit code 3: pliant: error: not finite"
 
 

@@ -1,5 +1,6 @@
 """pliant-sweep with the real program: two widths and two seeds, stopped once and merged."""
 
+import json
 import os
 import re
 import shutil
@@ -8,9 +9,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import h5py
 import pandas as pd
 import pytest
-from conftest import HANGS, PROGRAM, SMALL, hopper, wait_for
+from conftest import HANGS, PROGRAM, SMALL, Results, hopper, same, wait_for
+from test_ensemble import values
 
 COMMAND = [sys.executable, Path(__file__).resolve().parents[2] / "python/pliant-sweep"]
 
@@ -104,3 +107,153 @@ def test_options_are_checked_first(tmp_path, column, value, message):
     output, _ = process.communicate(timeout=HANGS)
     assert process.returncode == 2 and f"t.csv, line 3, {message}" in output, output
     assert os.listdir(tmp_path) == ["t.csv"]
+
+
+# ---- rows in ensembles
+
+PACK = {"scenario": "pack", "n": 20, "pressure": 1e-3}
+
+
+def write_table(path, *rows):
+    """A table with a line for each dict."""
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    lines = [columns, *([str(row.get(name, "")) for name in columns] for row in rows)]
+    path.write_text("".join(",".join(line) + "\n" for line in lines), encoding="utf-8")
+    return path
+
+
+def sweep(table, *arguments, code=0):
+    process = start(table, *arguments)
+    output, _ = process.communicate(timeout=HANGS)
+    assert process.returncode == code, output
+    return output
+
+
+def assert_same_rows(a, b):
+    """Equal bit for bit, but for the data for ParaView, which ensembles leave out."""
+    with h5py.File(a / "run.h5") as file, h5py.File(b / "run.h5") as other:
+        mine, others = values(file), values(other)
+    assert mine.keys() == others.keys() and len(mine) > 40 and all(same(mine[name], others[name]) for name in mine)
+    assert Results(a).counters() == Results(b).counters()
+
+
+def ensembles_left(folder):
+    return list((folder / ".ensembles").glob("*"))
+
+
+def records(folder):
+    return {path.parent.name: json.loads(path.read_text(encoding="utf-8")) for path in folder.glob("*/row.json")}
+
+
+def test_rows_of_ensembles_equal_single_runs(tmp_path):
+    table = write_table(tmp_path / "t.csv", SMALL | {"hopper_width": 3, "seeds": "1-4"}, SMALL | {"hopper_width": 4, "seeds": '"1,2,7"'},
+                        PACK | {"seeds": "5-6"}, SMALL | {"hopper_width": 5, "seed": 2, "threads": 1})
+    sweep(table, "--ensembles", "-j", 2)
+    sweep(table, "-o", tmp_path / "alone", "-j", 2)
+    assert ensembles_left(tmp_path / "t") == []
+    together = {name for name, record in records(tmp_path / "t").items() if "ensemble" in record}
+    assert len(together) == 8 and all("seed=7" not in name and "threads" not in name for name in together)
+    results, alone = (pd.read_csv(tmp_path / folder / "results.csv", dtype=str, index_col="row") for folder in ("t", "alone"))
+    assert list(results.index) == list(alone.index) and list(results.columns) == list(alone.columns)
+    of_the_command = ["run", "output", "ensemble", "ensemble_workers", "cpu_seconds", "wall_seconds", "particle_steps_per_second",
+                      "ns_per_particle_step", "ns_per_vertex_step"]
+    pd.testing.assert_frame_equal(results.drop(columns=of_the_command, errors="ignore"), alone.drop(columns=of_the_command, errors="ignore"))
+    assert (tmp_path / "t/units.csv").read_bytes() == (tmp_path / "alone/units.csv").read_bytes()
+    for row in results.index:
+        assert_same_rows(tmp_path / "t" / row, tmp_path / "alone" / row)
+    assert "done 10/10" in sweep(table)  # also without --ensembles
+
+
+def test_failed_rows_of_ensembles(tmp_path):
+    table = write_table(tmp_path / "t.csv", PACK | {"pressure": 1e-6, "max_iterations": 1300, "seeds": "1-6"},
+                        SMALL | {"dim": 3, "model": "smooth", "seeds": "1-2"})
+    sweep(table, "--ensembles", code=3)
+    sweep(table, "-o", tmp_path / "alone", code=3)
+    results, alone = (pd.read_csv(tmp_path / folder / "results.csv", index_col="row") for folder in ("t", "alone"))
+    assert list(results["status"]) == list(alone["status"]) and (results["status"] == "failed").sum() == 4
+    assert list(results["message"].fillna("")[:6]) == list(alone["message"].fillna("")[:6])
+    assert all("exit code 2: pliant: error: " in text for text in results["message"][6:])
+    before = (tmp_path / "t/pack,max_iterations=1300,n=20,pressure=1e-06,seed=1/run.h5").stat().st_mtime_ns
+    assert "failed 4" in sweep(table, "--ensembles", code=3)
+    assert (tmp_path / "t/pack,max_iterations=1300,n=20,pressure=1e-06,seed=1/run.h5").stat().st_mtime_ns == before
+    for more in (["--ensembles"], []):  # in an ensemble again, then alone
+        sweep(table, "--retry", *more, code=3)
+        again = pd.read_csv(tmp_path / "t/results.csv", index_col="row")
+        assert list(again["status"]) == list(alone["status"])
+        assert list(again["message"].fillna("")[:6]) == list(alone["message"].fillna("")[:6])
+    assert (tmp_path / "t/pack,max_iterations=1300,n=20,pressure=1e-06,seed=1/checkpoint-a.h5").exists()
+
+
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
+def test_an_interrupted_sweep_keeps_the_runs_of_its_ensemble(how, tmp_path):
+    table = write_table(tmp_path / "t.csv", PACK | {"n": 60, "pressure": 1e-5, "seeds": "1-40"})
+    process = start(table, "--ensembles", "-j", 2)
+    stored = tmp_path / "t/.ensembles/pack,n=60,pressure=1e-05,seed=1/ensemble.h5"
+    wait_for(lambda: stored.exists() and stored.stat().st_size > 2e6, process)
+    if how == signal.SIGKILL:
+        assert "running 40" in sweep(table, "--status", code=75)
+    process.send_signal(how)
+    process.communicate(timeout=HANGS)
+    assert process.returncode == (75 if how == signal.SIGTERM else -how)
+    if how == signal.SIGKILL:  # the ensemble stops when the sweep has ended
+        wait_for(lambda: "stopped 40" in start(table, "--status").communicate()[0])
+    else:
+        assert "stopped" in sweep(table, "--status", code=75)
+    process = start(table, "--ensembles", "-j", 2)
+    wait_for(lambda: any(record.get("exit_code") == 0 for record in records(tmp_path / "t").values()), process)
+    kept = {path: path.stat().st_mtime_ns for path in tmp_path.glob("t/*/run.h5")}
+    assert "done 40/40" in process.communicate(timeout=HANGS)[0] and process.returncode == 0
+    assert 0 < len(kept) < 40 and all(path.stat().st_mtime_ns == at for path, at in kept.items())
+    sweep(table, "-o", tmp_path / "alone")
+    results, alone = (pd.read_csv(tmp_path / folder / "results.csv", index_col="row") for folder in ("t", "alone"))
+    assert results["fraction"].equals(alone["fraction"]) and ensembles_left(tmp_path / "t") == []
+
+
+def test_a_killed_ensemble_makes_its_other_rows_fail(tmp_path):
+    table = write_table(tmp_path / "t.csv", SMALL | {"t_end": 1000, "seeds": "1-3"}, SMALL | {"seed": 4})
+    process = start(table, "--ensembles", "-j", 2)
+    lock = tmp_path / "t/.ensembles" / name_of(SMALL | {"t_end": 1000, "seed": 1}) / "run.lock"
+    wait_for(lambda: lock.exists() and "process" in lock.read_text(encoding="utf-8"), process)
+    os.kill(int(lock.read_text(encoding="utf-8").split()[1]), signal.SIGKILL)
+    output, _ = process.communicate(timeout=HANGS)
+    assert process.returncode == 3 and output.count("killed by SIGKILL") == 6 and "done 1/4, running 0, failed 3" in output, output
+
+
+def name_of(options):
+    """The name of a row of these options."""
+    return ",".join(f"{name}={options[name]}" for name in sorted(options, key=lambda name: (name == "seed", name)))
+
+
+def test_two_sweeps_with_ensembles_at_once(tmp_path):
+    table = write_table(tmp_path / "t.csv", *(SMALL | {"t_end": 20, "hopper_width": w, "seeds": "1-4"} for w in (3, 4, 5)))
+    sweeps = [start(table, "-j", 2, *more) for more in (["--ensembles"], ["--ensembles"], [])]
+    for process in sweeps:
+        output, _ = process.communicate(timeout=HANGS)
+        assert process.returncode == 0 and output.splitlines()[-1] == "done 12/12, running 0, failed 0, waiting 0", output
+    sweep(table, "-o", tmp_path / "alone")
+    results, alone = (pd.read_csv(tmp_path / folder / "results.csv", index_col="row") for folder in ("t", "alone"))
+    assert results["Q"].equals(alone["Q"]) and results["status"].equals(alone["status"])
+
+
+def test_a_longer_row_of_an_ensemble_starts_again(tmp_path):
+    """The row has no checkpoint; its results equal the results of an uninterrupted run."""
+    names = {"name": "x", "seeds": "1-2"}
+    sweep(write_table(tmp_path / "t.csv", SMALL | names), "--ensembles")
+    longer = write_table(tmp_path / "t.csv", SMALL | names | {"t_end": 9})
+    assert "to be extended" in sweep(longer, "--status", code=75)
+    sweep(longer, "--row", 1)
+    sweep(longer, "--ensembles")
+    for seed in (1, 2):
+        hopper(tmp_path / str(seed), t_end=9, seed=seed)
+        assert_same_rows(tmp_path / f"t/x,seed={seed}", tmp_path / str(seed))
+
+
+@pytest.mark.parametrize("mode", ["--row=1", "--slurm", "--parallel"])
+def test_modes_without_ensembles(mode, tmp_path):
+    table = write_table(tmp_path / "t.csv", SMALL | {"seeds": "1-2"})
+    assert "--ensembles runs many rows in one process" in sweep(table, "--ensembles", mode, code=2)
+
+
+def test_ensembles_are_no_columns(tmp_path):
+    table = write_table(tmp_path / "t.csv", SMALL | {"ensemble": 3})
+    assert "column 10: 'ensemble' cannot be given in a table" in sweep(table, code=2)
