@@ -65,9 +65,20 @@ class Ensemble(Sequence):
         if isinstance(number, slice):
             return [self[k] for k in range(*number.indices(len(self)))]
         folder = tempfile.TemporaryDirectory(prefix="pliant-member-")
-        run = self.extract(number, Path(folder.name) / f"{range(len(self))[number]:06d}")
+        run = self.extract(number, Path(folder.name) / f"{self.path.resolve().name}-{range(len(self))[number]}")
         weakref.finalize(run, folder.cleanup)
         return run
+
+    def has_data(self, number):
+        """Whether a run has series and frames: a run that failed at its start has none."""
+        return "manifest" in self._file["members"][f"{range(len(self))[number]:06d}"]
+
+    def report(self, path=None, limit=None, member=None):
+        """Writes the report of the ensemble for a browser, at most `limit` MB large (default: 5), to `path` (default: report.html
+        in its folder), with the frames of the run `member`, or of as many runs as fit. Returns the path. Raises RunError, OutputError."""
+        from .report import LIMIT
+        from .report.ensemble import write_ensemble
+        return write_ensemble(self, path, LIMIT if limit is None else limit, member)
 
     def extract(self, number, folder):
         """Writes run.h5 and summary.json of run `number` to a new folder, and returns the Run of this folder."""

@@ -504,8 +504,8 @@ class Run:
         h5 = self.path / "run.h5"
         if not h5.exists():
             if (self.path / "ensemble.h5").exists():
-                raise RunError(f"{self.path}: an ensemble, not a run; open it with pliant.Ensemble, whose extract() writes "
-                               "one of its runs to a separate folder")
+                raise RunError(f"{self.path}: an ensemble, not a run; pliant-report shows its runs, and Ensemble(...).extract() of the "
+                               "Python package pliant writes one of them to a separate folder")
             raise RunError(f"{self.path}: not a run (it has no run.h5)")
         # The summary first: by then run.h5 has the frames that it counts.
         self._summary_text = read_bytes(self.path / "summary.json")

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from .ensemble_run import Ensemble
 from .errors import RunError
 from .files import open_regular
 from .run import Run
@@ -11,9 +12,14 @@ from .sweep_rows import number
 
 
 def load_runs(paths):
-    """List of Run, one per path; a folder that is not a run stands for the runs directly inside it."""
+    """List of Run, one per path. A folder that is not a run stands for the runs directly inside it, and an ensemble for its runs
+    that have data."""
     runs = []
     for path in map(Path, paths):
+        if (path / "ensemble.h5").exists():
+            ensemble = Ensemble(path)
+            runs.extend(ensemble[k] for k in range(len(ensemble)) if ensemble.has_data(k))
+            continue
         inside = sorted(p.parent for p in path.glob("*/run.h5")) if not (path / "run.h5").exists() else []
         runs.extend(Run(p) for p in inside or [path])
     if not runs:

@@ -121,7 +121,7 @@ def test_a_page_is_one_file(soft, tmp_path):
     assert re.findall(r"(?:src|href)=", text.split("<script>")[0]) == [] and "@" not in re.sub(r"@media", "", text.split("<script>")[0])
     assert set(re.findall(r"https?://[^\"' ]*", text)) == {"http://www.w3.org/2000/svg"}
     assert "default-src 'none'" in text
-    assert text.count("</script>") == text.count("<script") == 11
+    assert text.count("</script>") == text.count("<script") == 12
 
 
 @pytest.mark.parametrize("where", ["folder", "model", "option"])
@@ -132,7 +132,7 @@ def test_names_with_markup_are_text(where, tmp_path):
         with h5py.File(path / "run.h5", "r+") as file:
             file["manifest"].attrs["model"] = HOSTILE
     text = Run(path).report(tmp_path / "page.html").read_text(encoding="utf-8")
-    assert "<img" not in text and text.count("</script>") == 11
+    assert "<img" not in text and text.count("</script>") == 12
 
 
 def test_a_name_that_is_not_utf8(tmp_path):
@@ -437,3 +437,154 @@ def test_the_table_of_a_sweep(page, sweep_folder):
     page.evaluate("document.querySelector('td a').click()")
     page.wait("document.querySelector('.player') !== null && document.documentElement.dataset.ready === 'yes'")
     assert page.messages == []
+
+
+# ---- ensembles -------------------------------------------------------------------------------------------------------
+
+def write_members(folder, option=None, values=(None,), seeds=8, failed=(), without_frames=(), n=20):
+    """An ensemble of synthetic runs, as the program writes it: Q = value + seed/100 (value 1 without an option)."""
+    folder.mkdir(parents=True)
+    source, _ = write_run(folder.parent / f"{folder.name}-member", n=n, frames=3, samples=30)
+    summary = json.loads((source / "summary.json").read_text(encoding="utf-8"))
+    lines = ["member,seed," + (f"{option}," if option else "") + "status,Q,message"]
+    with h5py.File(folder / "ensemble.h5", "w") as file, h5py.File(source / "run.h5") as run:
+        file["ensemble"] = json.dumps({"scenario": "hopper", "members_of_a_value": seeds, "first_seed": 1, "option": option or "",
+                                       "values": [str(value) for value in values if option], "options": {}})
+        for k in range(len(values) * seeds):
+            value, seed, bad = values[k // seeds], k % seeds + 1, k in failed
+            Q = (1 if value is None else float(value)) + seed / 100
+            member = file.create_group(f"members/{k:06d}")
+            for name in () if k in without_frames else run:
+                run.copy(name, member)
+            own = summary | {"seed": seed, "warnings": [], "results": ["Q"]} | (
+                {"status": "failed", "message": HOSTILE} if bad else {"Q": {"value": Q, "error": 0.01, "unit": "sigma_avg^2/t0"}})
+            member["summary"] = json.dumps(own)
+            message = '"' + HOSTILE.replace('"', '""') + '"' if bad else ""
+            lines.append(f"{k},{seed}," + (f"{value}," if option else "") + (f"failed,,{message}" if bad else f"done,{Q},"))
+    (folder / "members.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return folder
+
+
+def test_an_ensemble(tmp_path):
+    folder = write_members(tmp_path / "e", failed=(2, 5), without_frames=(2,))
+    result = report(folder)
+    assert result.returncode == 0 and result.stderr == "", result.stderr
+    data = data_of(folder / NAME)
+    assert data["kind"] == "ensemble" and data["subtitle"].endswith("20 particles · 8 runs: 6 done, 2 failed")
+    assert data["status"] == {"text": "2 failed", "tone": "bad"}
+    names = [column["name"] for column in data["columns"]]
+    assert names == ["row", "status", "seed", "Q"]
+    assert [row["status"]["text"] for row in data["rows"]] == ["done", "done", "failed", "done", "done", "failed", "done", "done"]
+    assert data["rows"][2]["cells"][names.index("Q")] is None and data["rows"][2]["message"] == HOSTILE and data["rows"][2]["link"] is None
+    Q = 1 + np.array([1, 2, 4, 5, 7, 8]) / 100
+    assert data["results"] == [{"name": "Q", "label": "flow rate Q", "value": pytest.approx(Q.mean()),
+                                "error": pytest.approx(Q.std(ddof=1) / 6**0.5), "unit": "sigma_avg^2/t0"}]
+    [chart] = data["fits"]
+    assert chart["title"] == "flow rate Q: number of runs" and sum(chart["lines"][0]["y"][:-1]) == 6
+    assert [one["member"] for one in data["players"]] == [0, 1, 3, 4, 5, 6, 7] and data["shown"].startswith("7 of 8 runs")
+    assert data["rows"][3]["link"] == "#member=3"
+    assert "seed" not in {one["name"] for one in data["common"]} and data["means"] is None
+
+
+def test_an_ensemble_over_an_option(tmp_path):
+    from pliant import Ensemble
+    folder = write_members(tmp_path / "e", "w", (3, 4, 5), failed=(0,))
+    data = data_of(Ensemble(folder).report(tmp_path / "page.html", member=17))
+    assert data["results"] == [] and [one["member"] for one in data["players"]] == [17] and data["shown"] == ""
+    assert data["players"][0]["label"] == "17: w 5, seed 2"
+    rows = data["means"]["rows"]
+    assert [row["cells"][:2] for row in rows] == [[3, 7], [4, 8], [5, 8]]
+    assert rows[1]["cells"][2] == [pytest.approx(4.045), pytest.approx(np.std(np.arange(8) / 100, ddof=1) / 8**0.5)]
+    [chart] = data["fits"]
+    runs, means = chart["lines"]
+    assert chart["x"]["label"] == "w" and len(runs["x"]) == 23 and means["x"] == [3, 4, 5] and means["y"][1] == pytest.approx(4.045)
+    assert means["error"][1] == pytest.approx(rows[1]["cells"][2][1], rel=1e-4)
+    decades = data_of(Ensemble(write_members(tmp_path / "d", "p", (1e-4, 1e-2), seeds=2)).report())
+    assert decades["fits"][0]["x"]["label"] == "log10 of p" and decades["fits"][0]["lines"][1]["x"] == [-4, -2]
+
+
+def test_an_option_with_words(tmp_path):
+    """Histograms, a line for each value."""
+    from pliant import Ensemble
+    folder = write_members(tmp_path / "e", "w", (3, 4), seeds=3)
+    table = (folder / "members.csv").read_text(encoding="utf-8")
+    (folder / "members.csv").write_text(re.sub(r"(?m)^(\d,\d),3,", r"\1,rough,", re.sub(r"(?m)^(\d,\d),4,", r"\1,smooth,", table)), encoding="utf-8")
+    data = data_of(Ensemble(folder).report())
+    assert [line["label"] for line in data["fits"][0]["lines"]] == ["w rough", "w smooth"]
+    assert [sum(line["y"][:-1]) for line in data["fits"][0]["lines"]] == [3, 3]
+    assert [row["cells"][0] for row in data["means"]["rows"]] == ["rough", "smooth"]
+
+
+def test_a_small_file_has_the_frames_of_fewer_runs(tmp_path):
+    from pliant import Ensemble
+    folder = write_members(tmp_path / "e", seeds=80, n=200)
+    path = Ensemble(folder).report(limit=0.5)
+    data = data_of(path)
+    assert path.stat().st_size < 0.5e6 and 5 < len(data["players"]) < 60
+    assert data["players"][0]["member"] == 0 and data["players"][-1]["member"] == 79
+    assert data["shown"].startswith(f"{len(data['players'])} of 80 runs")
+
+
+def test_bad_input_for_ensembles(tmp_path, soft):
+    folder = write_members(tmp_path / "e", failed=(3,), without_frames=(3,))
+    for arguments, words in (([folder, "--member", 8], "has the runs 0 to 7"), ([folder, "--member", -1], "has the runs 0 to 7"),
+                             ([soft[0], "--member", 0], "--member needs the folder of an ensemble"),
+                             ([folder, "--follow"], "--follow needs the folder of one run, not of an ensemble"),
+                             ([folder, "--limit", 0.1], "at least 0.5 MB")):
+        with pytest.raises(RunError, match=words):
+            command.main([str(one) for one in arguments])
+    command.main([str(folder), "--member", "3"])
+    data = data_of(folder / NAME)
+    assert data["players"] == [] and any("run 3 failed before it had data" in text for text in data["remarks"])
+    (folder / "members.csv").unlink()
+    with pytest.raises(RunError, match="the ensemble has not ended"):
+        command.main([str(folder)])
+
+
+def test_an_ensemble_without_a_good_run(tmp_path):
+    folder = write_members(tmp_path / "e", seeds=2, failed=(0, 1), without_frames=(0, 1))
+    command.main([str(folder)])
+    data = data_of(folder / NAME)
+    assert len(data["rows"]) == 2 and data["players"] == data["fits"] == data["results"] == []
+
+
+def test_the_page_of_an_ensemble(page, tmp_path):
+    folder = write_members(tmp_path / "e", "w", (3, 4, 5), failed=(2,), without_frames=(2,))
+    command.main([str(folder)])
+    page.visit(folder / NAME)
+    assert page.messages == [] and page.evaluate("window.hacked === undefined && document.querySelectorAll('img').length === 0")
+    assert page.evaluate(COLOURS) > 20
+    assert page.evaluate("[...document.querySelectorAll('.sortable')].map(table => table.tBodies[0].rows.length)") == [3, 24]
+    first = page.evaluate("(window.first = player, player.colourBy('size'), document.querySelector('.member').children.length)")
+    assert first == 1
+    page.evaluate("[...document.querySelectorAll('td a')].find(a => a.textContent === '17').click()")
+    page.wait("window.player !== window.first")
+    assert page.evaluate("[location.hash, document.querySelector('.members select').value, player.colours.value]") == [
+        "#colour=size&member=17", "17", "size"]
+    assert page.evaluate("document.querySelector('.member').children.length") == 1
+    page.key("Home")  # reaches the new player alone
+    page.key("ArrowRight")
+    assert page.evaluate("[player.frames.index, first.frames.index]")[0] == 1
+    page.evaluate("(s => { s.value = 5; s.dispatchEvent(new Event('change')); })(document.querySelector('.members select'))")
+    page.wait("location.hash.includes('member=5')")
+    page.call("Page.navigate", url="about:blank")
+    page.call("Page.navigate", url=(folder / NAME).resolve().as_uri() + "#member=5")
+    page.wait("document.documentElement?.dataset.ready === 'yes'")
+    assert page.evaluate("document.querySelector('.members select').value") == "5" and page.messages == []
+
+
+def test_figures_of_ensembles(tmp_path):
+    """All figures take the runs of an ensemble, or refuse it with one line."""
+    from pliant import load_runs
+    folder = write_members(tmp_path / "e", "hopper_width", (3, 4, 5, 6), seeds=2, failed=(1,), without_frames=(1,))
+    runs = load_runs([folder])
+    assert [run.name for run in runs] == [f"e-{k}" for k in (0, 2, 3, 4, 5, 6, 7)]
+    assert [run.summary["Q"]["value"] for run in runs] == pytest.approx([3.01, 4.01, 4.02, 5.01, 5.02, 6.01, 6.02])
+    drawn = {}
+    for script in sorted((PYTHON / "plots").glob("*.py")):
+        result = subprocess.run([sys.executable, script, folder, "-o", tmp_path / f"{script.stem}.png"], capture_output=True, encoding="utf-8")
+        assert result.returncode == 0 or (result.returncode == 2 and "error: " in result.stderr.splitlines()[-1]), result.stderr
+        assert "Traceback" not in result.stderr
+        drawn[script.stem] = result.returncode == 0 or result.stderr
+    assert drawn["beverloo"] is True
+    assert "an ensemble, not a run; pliant-report shows its runs" in drawn["series"]

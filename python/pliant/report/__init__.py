@@ -1,4 +1,4 @@
-"""Reports of runs and of sweeps: HTML files that show results, charts and a player of the frames without a network."""
+"""Reports of runs, sweeps and ensembles: HTML files that show results, charts and a player of the frames without a network."""
 
 import datetime
 import json

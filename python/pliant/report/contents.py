@@ -12,12 +12,19 @@ _SAMPLES = 800  # of a curve, at most
 _BINS = 60      # intervals of the flow rate
 
 #: Members of summary.json that are counters or settings, not results.
-_COUNTERS = {"t", "dt", "dt_critical", "steps", "rejected_steps", "steps_above_tolerance", "force_evaluations", "jacobian_evaluations",
+_COUNTERS = {"seed", "t", "dt", "dt_critical", "steps", "rejected_steps", "steps_above_tolerance", "force_evaluations", "jacobian_evaluations",
              "linear_iterations", "list_rebuilds", "skin", "packing_iterations", "cpu_seconds", "wall_seconds", "particles",
              "particle_steps_per_second", "ns_per_particle_step", "ns_per_vertex_step", "steady", "longest_sample_interval"}
 
+#: Options that do not change a run.
+_OF_THE_COMMAND = ("output", "ensemble", "ensemble_over", "ensemble_workers")
+
 #: Names of quantities in summary.json → label.
 _LABELS = {
+    "fraction": "packing fraction φ", "pressure": "pressure p", "shear_stress": "shear stress σ_xy", "strain": "strain γ",
+    "shear_modulus": "shear modulus G", "bulk_modulus": "bulk modulus B", "coordination": "touching neighbours per particle",
+    "contacts": "contacts without rattlers", "isostatic_contacts": "isostatic number of contacts", "touching_pairs": "touching pairs",
+    "rattlers": "rattlers", "backbone": "particles without rattlers", "energy": "energy U", "max_force": "largest force on a point",
     "Q": "flow rate Q", "Q_corrected": "flow rate over packing fraction at the orifice, Q′", "Q_correlation_time": "correlation time of Q",
     "orifice_density": "number density at the orifice", "orifice_velocity": "velocity at the orifice", "bulk_fraction": "packing fraction",
     "contacts_per_particle": "contacts per particle", "top_height": "height of the filling", "max_overlap": "largest overlap",
@@ -117,7 +124,7 @@ def parameters(run):
     found = []
     for name, entry in listed.items():
         entry = entry if isinstance(entry, dict) else {"value": entry}
-        if name in unread or name == "output":
+        if name in unread or name in _OF_THE_COMMAND:
             continue
         first = run.manifest["options"].get(name)
         default = first.get("is_default", first.get("source") == "default") if isinstance(first, dict) else False

@@ -9,7 +9,7 @@ from ..files import finite
 
 _WEB = Path(__file__).parent / "web"
 #: In the order in which they run.
-_SCRIPTS = ("text", "data", "colour", "frames", "scene", "player", "chart", "sweep", "page")
+_SCRIPTS = ("text", "data", "colour", "frames", "scene", "player", "chart", "sweep", "ensemble", "page")
 
 
 def page(title, data, frames=b""):

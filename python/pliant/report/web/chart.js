@@ -28,7 +28,7 @@ function ends(values, keepZero = false) {
 }
 
 class Chart {
-  /** `spec`: title, unit, x {label, unit, reversed}, lines [{x, y, error, kind, label, colour}], marks, spans, note, zero. */
+  /** `spec`: title, unit, x {label, unit, reversed}, lines [{x, y, error, kind, label, colour, small}], marks, spans, note, zero. */
   constructor(spec) {
     this.spec = spec;
     this.root = element("article", { class: "card chart" }, element("h3", {}, ...labelNodes(spec.title, spec.unit)));
@@ -109,7 +109,7 @@ class Chart {
         if (line.y[i] === null) return;
         const cx = this.px(x), error = line.error && line.error[i];
         if (error) this.svg.append(svg("line", { x1: cx, x2: cx, y1: this.py(line.y[i] - error), y2: this.py(line.y[i] + error), stroke: colour, "stroke-width": 1.3 }));
-        this.svg.append(svg("circle", { cx, cy: this.py(line.y[i]), r: 3.4, fill: colour }));
+        this.svg.append(svg("circle", { cx, cy: this.py(line.y[i]), r: line.small ? 2 : 3.4, fill: colour }));
       });
       return;
     }

@@ -27,10 +27,10 @@ function charts(title, specs, note = "") {
   return section(title, element("div", { class: "charts" }, ...specs.map(spec => new Chart(spec).root)), note && element("p", { class: "note" }, note));
 }
 
-function resultsCard(results) {
+function resultsCard(results, title = "Results") {
   const rows = results.map(r => element("tr", { title: r.name }, element("td", {}, r.label),
     element("td", { class: "value" }, withError(r.value, r.error)), element("td", { class: "unit" }, ...unitNodes(r.unit))));
-  return element("aside", { class: "card results" }, element("h3", {}, "Results"),
+  return element("aside", { class: "card results" }, element("h3", {}, title),
     rows.length ? element("div", { class: "scroll" }, element("table", {}, ...rows)) : element("p", { class: "note" }, "The run has not ended: its results follow at the end."),
     rows.length ? element("p", { class: "note" }, "± one standard error. Names in summary.json: point at a row.") : null);
 }
@@ -73,7 +73,7 @@ function follow(seconds) {
 
 async function build() {
   const page = readPage(), main = document.getElementById("page"), notes = [...page.remarks];
-  const content = page.kind === "sweep" ? sweepContent(page) : await runContent(page, notes);
+  const content = await { sweep: sweepContent, ensemble: ensembleContent, run: runContent }[page.kind](page, notes);
   main.replaceChildren(...[header(page), remarks(notes), ...content, element("footer", {}, page.footer)].filter(Boolean));
   if (window.player) window.player.draw();
   if (page.follow) follow(page.follow);

@@ -21,7 +21,7 @@ function icon(name) {
 class Player {
   /** `state` keeps the choices of the reader: colour, forces, cut, speed, frame. */
   constructor(frames, units, state, live) {
-    Object.assign(this, { frames, units, state, live, playing: false, speed: 1 });
+    Object.assign(this, { frames, units, state, live, playing: false, speed: 1, closing: new AbortController() });
     this.rate = Math.max(1, Math.min(FRAMES_PER_SECOND, frames.count / DURATION));
     this._build();
     this.scene = new Scene(this.canvas, frames);
@@ -202,18 +202,26 @@ class Player {
     this.legend.replaceChildren(...parts);
   }
 
+  /** Another player takes its place on the page. */
+  close() {
+    this._setPlaying(false);
+    this.closing.abort();
+  }
+
   // ---- events -----------------------------------------------------------------------------------------------------------
 
   _listen() {
     const { x0, x1, y0, y1 } = this.scene.view.box;
     this.stage.style.aspectRatio = this.frames.dim === 3 ? "" : (x1 - x0) / (y1 - y0);
-    new ResizeObserver(() => this.draw()).observe(this.stage);
+    const { signal } = this.closing, resized = new ResizeObserver(() => this.draw());
+    resized.observe(this.stage);
+    signal.addEventListener("abort", () => resized.disconnect());
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
       this.scene.readTheme();
       this._describeScale();
       this.draw();
-    });
-    document.addEventListener("keydown", event => this._key(event));
+    }, { signal });
+    document.addEventListener("keydown", event => this._key(event), { signal });
     const { canvas } = this;
     let from = null;
     canvas.addEventListener("pointerdown", event => {

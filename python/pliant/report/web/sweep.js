@@ -1,22 +1,23 @@
-/* The page of a sweep: fits, and a table of rows that can be sorted. */
+/* Tables that can be sorted, and the page of a sweep: fits, and a table of rows. */
 "use strict";
 
-function sweepContent(page) {
+/** `columns`: {name, label, unit, numeric}; `rows`: {cells, name, short, link, status, message}. A click on the link of a row calls open(row). */
+function sortableTable(columns, list, open = null) {
   const table = element("table", { class: "sortable" });
-  const head = element("tr", {}, ...page.columns.map((column, i) =>
+  const head = element("tr", {}, ...columns.map((column, i) =>
     element("th", { class: column.numeric ? "number" : "", tabindex: 0, onclick: () => sortBy(i), onkeydown: event => event.key === "Enter" && sortBy(i) },
       ...labelNodes(column.label, column.unit))));
   const cell = (value, column, row) => {
-    if (column.name === "row") return element("td", { class: "name", title: row.name }, row.link ? element("a", { href: row.link }, row.short) : row.short);
+    if (column.name === "row") return element("td", { class: "name", title: row.name }, row.link ? element("a", { href: row.link, ...(open && { onclick: event => { event.preventDefault(); open(row); } }) }, row.short) : row.short);
     if (column.name === "status")
       return element("td", {}, element("span", { class: `status ${row.status.tone}` }, row.status.text), row.message ? element("div", { class: "note" }, row.message) : null);
     if (value === null) return element("td", { class: column.numeric ? "number muted" : "muted" }, "–");
     if (Array.isArray(value)) return element("td", { class: "number" }, withError(...value));
     return element("td", { class: typeof value === "number" ? "number" : "text" }, typeof value === "number" ? number(value, 6) : String(value));
   };
-  const rows = page.rows.map(row => ({ row, line: element("tr", {}, ...page.columns.map((column, i) => cell(row.cells[i], column, row))) }));
+  const rows = list.map(row => ({ row, line: element("tr", {}, ...columns.map((column, i) => cell(row.cells[i], column, row))) }));
   const key = (row, i) => {
-    const name = page.columns[i].name, value = name === "row" ? row.name : name === "status" ? row.status.text : row.cells[i];
+    const name = columns[i].name, value = name === "row" ? row.name : name === "status" ? row.status.text : row.cells[i];
     return Array.isArray(value) ? value[0] : value;
   };
   let sorted = null;
@@ -30,6 +31,10 @@ function sweepContent(page) {
     table.tBodies[0].replaceChildren(...order.map(one => one.line));
   }
   table.append(element("thead", {}, head), element("tbody", {}, ...rows.map(one => one.line)));
-  return [charts("Fits", page.fits), section("Rows", element("div", { class: "card scroll" }, table)),
+  return table;
+}
+
+function sweepContent(page) {
+  return [charts("Fits", page.fits), section("Rows", element("div", { class: "card scroll" }, sortableTable(page.columns, page.rows))),
     page.common.length ? section("Options that all rows share", parameterTable(page.common)) : null];
 }
