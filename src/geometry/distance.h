@@ -9,21 +9,27 @@
 
 namespace pliant {
 
-/// Nearest point of the closed segment a–b to p in the plane: at a + t (b − a), 0 ≤ t ≤ 1.
-struct SegmentFoot {
-  Vec<2> offset;  ///< p − nearest point
+/// Nearest point of the closed segment a–b to p: at a + t (b − a), 0 ≤ t ≤ 1.
+template <int D>
+struct FootOnSegment {
+  Vec<D> offset;  ///< p − nearest point
   Real t;
   Real d2;  ///< squared distance
 
   bool interior() const { return t > 0 && t < 1; }
 };
+using SegmentFoot = FootOnSegment<2>;
 
-inline SegmentFoot segment_foot(const Vec<2>& p, const Vec<2>& a, const Vec<2>& b) {
-  const Vec<2> u = b - a, w = p - a;
+template <int D>
+FootOnSegment<D> foot_on_segment(const Vec<D>& p, const Vec<D>& a, const Vec<D>& b) {
+  const Vec<D> u = b - a, w = p - a;
   const Real uu = u.squaredNorm();
   const Real t = uu > 0 ? std::clamp(w.dot(u) / uu, Real(0), Real(1)) : 0;
-  const Vec<2> offset = w - t * u;
+  const Vec<D> offset = w - t * u;
   return {offset, t, offset.squaredNorm()};
+}
+inline SegmentFoot segment_foot(const Vec<2>& p, const Vec<2>& a, const Vec<2>& b) {
+  return foot_on_segment<2>(p, a, b);
 }
 
 /// Unit vector along r of length d; zero where d = 0, where the direction does not exist.
