@@ -149,7 +149,7 @@ const std::array<ModelDefinition, 6>& models() {
   static const std::array<ModelDefinition, 6> all{{
       {"sp", "soft", ModelKind::sp, soft<2>, soft<3>},
       {"rough", "rough polygons", ModelKind::rough, rough, rough_surfaces},
-      {"smooth", "smooth polygons", ModelKind::smooth, smooth},
+      {"smooth", "smooth polygons", ModelKind::smooth, smooth, smooth_surfaces},
       {"shape", "polygons without contacts", ModelKind::shape, shape_alone, surfaces_without_contacts},
       {"bubble", "droplets", ModelKind::bubble, droplets<2>, droplets<3>},
       {"disk", "frictional", ModelKind::disk, frictional<2>, frictional<3>},

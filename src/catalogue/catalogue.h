@@ -31,7 +31,8 @@ std::string_view to_string(ModelKind kind);
 template <int D>
 struct Surroundings {
   Vec<D> gravity = Vec<D>::Zero();
-  bool substrate = false;  ///< particles lie on a plane that exerts friction (2D, disks and rough particles)
+  bool substrate = false;   ///< particles lie on a plane that exerts friction (2D, disks and rough particles)
+  bool shape_terms = true;  ///< closed surfaces have energies of their shape
   std::shared_ptr<const RestOutlines> rest_outlines =
       nullptr;              ///< rest shapes of rough particles, instead of the terms of deformable shapes
   Real rest_stiffness = 1;  ///< unit of the stiffness of rest shapes

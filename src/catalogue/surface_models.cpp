@@ -6,6 +6,8 @@
 #include <pliant/model/contact_laws.h>
 #include <pliant/model/fused_surfaces.h>
 #include <pliant/model/fused_terms.h>
+#include <pliant/model/simplex_contact.h>
+#include <pliant/model/simplex_friction.h>
 
 namespace pliant {
 namespace {
@@ -16,11 +18,12 @@ using Shape = Fused<SurfaceKernel, Volume, FaceArea, EdgeLength, HingeBending, S
 template <class... More>
 std::unique_ptr<ForceField<3>> with_shape(ParameterReader& p, const Surroundings<3>& s, More... more) {
   if (s.substrate) throw InputError("the particles lie on a substrate, which exists in 2D only; leave it out");
-  const auto volume = configured(p, Volume{});
-  const auto area = configured(p, FaceArea{});
-  const auto edges = configured(p, EdgeLength{});
-  const auto bending = configured(p, HingeBending{});
-  const Shape shape(volume, area, edges, bending, configured(p, SurfaceTension{}));
+  const auto term = [&](auto off) { return s.shape_terms ? configured(p, off) : off; };
+  const auto volume = term(Volume{});
+  const auto area = term(FaceArea{});
+  const auto edges = term(EdgeLength{});
+  const auto bending = term(HingeBending{});
+  const Shape shape(volume, area, edges, bending, term(SurfaceTension{}));
   Fused<PointKernel, Gravity<3>, Drag<3>> outer(Gravity<3>{s.gravity}, configured(p, Drag<3>{}));
   return std::make_unique<Model<3, Shape, More..., decltype(outer)>>(shape, std::move(more)..., outer);
 }
@@ -37,6 +40,16 @@ std::unique_ptr<ForceField<3>> rough_surfaces(ParameterReader& p, const Surround
   const Fused<PairKernel, PairContact<3>, PairFriction<3>> pairs(contact, configured(p, PairFriction<3>{}));
   const Fused<WallKernel, WallContact<3>> walls(configured(p, WallContact<3>{}));
   return with_shape(p, s, pairs, walls);
+}
+
+std::unique_ptr<ForceField<3>> smooth_surfaces(ParameterReader& p, const Surroundings<3>& s) {
+  read_contact_law<HarmonicOverlap>(p);
+  const auto vertices = configured(p, VertexFaceContact{});
+  const auto edges = configured(p, EdgePairContact{});
+  const auto vertex_friction = configured(p, SimplexFriction<Elements::vertex_faces>{});
+  const auto edge_friction = configured(p, SimplexFriction<Elements::edge_pairs>{});
+  const Fused<WallKernel, WallContact<3>> walls(configured(p, WallContact<3>{}));
+  return with_shape(p, s, vertices, edges, vertex_friction, edge_friction, walls);
 }
 
 }  // namespace pliant

@@ -10,8 +10,8 @@
 namespace pliant {
 
 /// A place of a surface and a place of another one. With the points r of an element, the offset from the second place
-/// to the first one is Σ_k weight[k] r[k]: the weights of the first simplex are positive and have the sum 1, those of
-/// the second one are negative with the sum −1, and points that do not carry a place have the weight 0.
+/// to the first one is Σ_k weight[k] r[k]: the weights of the first simplex are positive and have the sum 1, the
+/// weights of the second one are negative with the sum −1, and points that do not carry a place have the weight 0.
 struct NearestPlaces {
   Vec<3> offset;
   Real d2;  ///< squared distance
@@ -34,8 +34,9 @@ class PlaceMotion {
   /// ∂t_i/∂r[k]: with the offset o, w its weights, g_i = ∂o/∂t_i and G_ij = g_i·g_j, −Σ_j (G⁻¹)_ij (∂_j w_k o + w_k
   /// g_j).
   const Vec<3>& by_point(int i, int k) const { return by_point_[i][k]; }
-  /// Second derivatives of the distance by points k and l; zero at no distance. Those of |o|²/2 are
+  /// Second derivatives of the distance |o| by points k and l, from the second derivatives of |o|²/2,
   ///   w_k w_l 1 + Σ_i (∂_i w_k o + w_k g_i) (∂t_i/∂r_l)ᵀ.
+  /// They are zero at no distance.
   Mat<3> hessian(int k, int l) const;
 
  private:
@@ -59,7 +60,7 @@ struct VertexOnFace {
   }
 
   std::optional<NearestPlaces> inside;   ///< where the nearest place is inside the face
-  std::array<FootOnSegment<3>, 3> foot;  ///< of the vertex on each edge
+  std::array<FootOnSegment<3>, 3> foot;  ///< feet of the vertex on the edges
 
   /// Number of the nearest edge.
   int nearest_edge() const {
@@ -100,7 +101,7 @@ struct EdgeOnEdge {
   }
 
   std::optional<NearestPlaces> inside;   ///< where both nearest places are inside their edges
-  std::array<FootOnSegment<3>, 4> foot;  ///< of each point on the other edge
+  std::array<FootOnSegment<3>, 4> foot;  ///< feet of the points on the other edge
 
   /// Number of the point that is nearest to the other edge.
   int nearest_end() const {
@@ -110,7 +111,7 @@ struct EdgeOnEdge {
     return k;
   }
   Real d2() const { return inside ? inside->d2 : foot[nearest_end()].d2; }
-  /// Of point k and the other edge.
+  /// The nearest places of point k and the other edge.
   NearestPlaces of_end(int k) const {
     const int start = k < 2 ? 2 : 0;
     const Real sign = k < 2 ? 1 : -1;
@@ -120,7 +121,7 @@ struct EdgeOnEdge {
     places.weight[start + 1] = -sign * foot[k].t;
     return places;
   }
-  /// Of a point of the first edge and a point of the second one.
+  /// A point of the first edge and a point of the second one.
   NearestPlaces of_points(int first, int second) const {
     const Vec<3> offset = r_[first] - r_[second];
     NearestPlaces places{offset, offset.squaredNorm(), {}};

@@ -8,6 +8,8 @@
 #include <vector>
 
 #include <pliant/geometry/pair_search.h>
+#include <pliant/model/surface_parts.h>
+#include <pliant/model/surface_search.h>
 #include <pliant/model/topology.h>
 
 namespace pliant {
@@ -22,9 +24,11 @@ enum class Elements {
   point_pairs,   ///< points of two particles
   vertex_edges,  ///< a vertex and an edge of another particle
   walls,         ///< a point and a part of the walls
-  lips           ///< a lip and an edge
+  lips,          ///< a lip and an edge
+  vertex_faces,  ///< a vertex and a face of another closed surface
+  edge_pairs     ///< edges of two closed surfaces
 };
-inline constexpr std::size_t element_kinds = static_cast<std::size_t>(Elements::lips) + 1;
+inline constexpr std::size_t element_kinds = static_cast<std::size_t>(Elements::edge_pairs) + 1;
 
 /// first … last−1.
 struct Range {
@@ -62,6 +66,8 @@ struct NeighbourLists {
   PairList vertex_edges;  ///< (vertex, first vertex of the edge)
   PairList walls;         ///< (point, part of the walls)
   PairList lips;          ///< (lip, first vertex of the edge)
+  PairList vertex_faces;  ///< (vertex, face), numbered as surface_parts.h explains
+  PairList edge_pairs;    ///< (edge, edge); across a border the edge of the chunk comes first
 };
 
 /// The lists that a model needs.
@@ -72,6 +78,9 @@ struct NeighbourNeeds {
   bool lips = false;
   Real beyond_contact = 0;    ///< range of forces beyond the contact distance, for points and walls
   Edges edges = Edges::wide;  ///< in vertex–edge contacts
+  bool vertex_faces = false;
+  bool edge_pairs = false;
+  bool surface_parts() const { return vertex_faces || edge_pairs; }
   bool operator==(const NeighbourNeeds&) const = default;
 };
 
@@ -85,6 +94,8 @@ struct SearchSpace {
   Real margin;           ///< how far beyond the contact distance
   Edges edges;           ///< in vertex–edge contacts
   Real widest, longest;  ///< diameter of a point, edge
+  const Topology& topology;
+  const SurfaceBoxes& boxes;  ///< of closed surfaces
 };
 
 /// The blocks of second derivatives that an element fills, in addition to the diagonal block of each point.
@@ -105,11 +116,13 @@ enum class Couples {
 /// and where it is listed
 ///   list, need                        the members of NeighbourLists and NeighbourNeeds
 ///   paired                            whether it joins two particles, which may belong to two chunks
+///   points_of_both(pair)              where it is paired: a point of each particle
 ///   search(space, first, last, found) calls found(pair) for points, or edges that begin there, first … last−1
 /// and where it is paired, to list a single particle again,
 ///   symmetric                         (i, j) is (j, i)
 ///   near(space, i)                    a box with all points that point i, or the edge i, can have an element with
 ///   test(space, i, j, found)          calls found for the elements of points i and j
+/// or, between closed surfaces (of_surfaces), test_surfaces(space, m, n, found) for the elements of particles m and n
 template <Elements E>
 struct ElementKind;
 
@@ -142,12 +155,21 @@ template <PairList NeighbourLists::*List, bool NeighbourNeeds::*Need, bool Paire
 struct Listed {
   template <int D>
   static constexpr bool in = true;
-  static constexpr bool listed = true, paired = Paired;
+  static constexpr bool listed = true, paired = Paired, of_surfaces = false;
   static constexpr Couples couples = Paired ? Couples::stencil : Couples::nothing;
   static constexpr PairList NeighbourLists::*list = List;
   static constexpr bool NeighbourNeeds::*need = Need;
   static Range inside(const NeighbourLists& lists, Index chunk) { return (lists.*List).inside(chunk); }
+  static Pair points_of_both(const Pair& pair) { return pair; }
 };
+
+/// Calls visit(m, n) for the particles m with points first … last−1, and the particles n near them.
+template <class Visit>
+void for_each_near_surface(const SearchSpace<3>& s, Index first, Index last, Visit&& visit) {
+  if (!s.topology.surfaces || first == last) return;
+  for (Index m = s.topology.particle[first]; m <= s.topology.particle[last - 1]; ++m)
+    s.boxes.for_each_near(s.topology, m, {}, [&](Index n) { visit(m, n); });
+}
 
 template <>
 struct ElementKind<Elements::particles> : OfOneParticle {
@@ -249,6 +271,60 @@ struct ElementKind<Elements::lips> : Listed<&NeighbourLists::lips, &NeighbourNee
   template <class Found>
   static void search(const SearchSpace<2>& s, Index first, Index last, Found&& found) {
     find_lip_pairs(s.cloud, s.walls, s.t, s.margin, first, last, found);
+  }
+};
+
+template <>
+struct ElementKind<Elements::vertex_faces>
+    : Listed<&NeighbourLists::vertex_faces, &NeighbourNeeds::vertex_faces, true> {
+  template <int D>
+  static constexpr bool in = D == 3;
+  static constexpr bool symmetric = false, of_surfaces = true;
+  static std::array<Index, 4> stencil(const Topology& t, const Pair& p) {
+    const auto [a, b, c] = points_of_face(t, p.second);
+    return {p.first, a, b, c};
+  }
+  static Pair points_of_both(const Pair& p) { return {p.first, point_of_face(p.second)}; }
+  template <class Found>
+  static void search(const SearchSpace<3>& s, Index first, Index last, Found&& found) {
+    for_each_near_surface(s, first, last, [&](Index m, Index n) { test_faces(s, n, m, found); });
+  }
+  template <class Found>
+  static void test_surfaces(const SearchSpace<3>& s, Index m, Index n, Found&& found) {
+    test_faces(s, m, n, found);
+    test_faces(s, n, m, found);
+  }
+
+ private:
+  /// Vertices of particle n and faces of particle m.
+  template <class Found>
+  static void test_faces(const SearchSpace<3>& s, Index n, Index m, Found&& found) {
+    find_vertex_faces(s.topology, s.boxes, s.cloud.x, s.margin, n, m,
+                      [&](const Pair& pair) { found(pair.first, pair.second, contact_distance(s.topology, m, n)); });
+  }
+};
+
+template <>
+struct ElementKind<Elements::edge_pairs> : Listed<&NeighbourLists::edge_pairs, &NeighbourNeeds::edge_pairs, true> {
+  template <int D>
+  static constexpr bool in = D == 3;
+  static constexpr bool symmetric = true, of_surfaces = true;
+  static std::array<Index, 4> stencil(const Topology& t, const Pair& p) {
+    const auto [a, b] = points_of_edge(t, p.first);
+    const auto [c, d] = points_of_edge(t, p.second);
+    return {a, b, c, d};
+  }
+  static Pair points_of_both(const Pair& p) { return {point_of_edge(p.first), point_of_edge(p.second)}; }
+  template <class Found>
+  static void search(const SearchSpace<3>& s, Index first, Index last, Found&& found) {
+    for_each_near_surface(s, first, last, [&](Index m, Index n) {
+      if (m < n) test_surfaces(s, m, n, found);
+    });
+  }
+  template <class Found>
+  static void test_surfaces(const SearchSpace<3>& s, Index m, Index n, Found&& found) {
+    find_edge_pairs(s.topology, s.boxes, s.cloud.x, s.margin, m, n,
+                    [&](const Pair& pair) { found(pair.first, pair.second, contact_distance(s.topology, m, n)); });
   }
 };
 

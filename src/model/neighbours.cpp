@@ -105,7 +105,9 @@ SearchSpace<D> Neighbours<D>::search_space(const Topology& topology, const Walls
           margin(),
           needs_.edges,
           widest_,
-          longest_};
+          longest_,
+          topology,
+          boxes_};
 }
 
 /// In a pair of particles, the particle that started the search is the first if the kind is symmetric, else the second.
@@ -115,6 +117,10 @@ template <class Kind>
 void Neighbours<D>::build_pairs(const SearchSpace<D>& space) {
   PairList& list = this->*Kind::list;
   const Index n = chunks(), own = chunk_point_.back();
+  const auto other_point = [](const Pair& pair) {
+    const Pair points = Kind::points_of_both(pair);
+    return Kind::symmetric ? points.second : points.first;
+  };
   list.clear();
   const auto make_room = [&](std::size_t size) {
     list.pairs.reserve(size);
@@ -138,7 +144,7 @@ void Neighbours<D>::build_pairs(const SearchSpace<D>& space) {
       inside.clear();
       errors.catch_from([&] {
         Kind::search(space, range.first, range.last, [&](Index first, Index second, Real reach) {
-          const Index other = Kind::symmetric ? second : first;
+          const Index other = other_point({first, second});
           if (c < n && range.contains(other))
             inside.push_back({{first, second}, reach});
           else if (c < n || other < own)
@@ -162,7 +168,7 @@ void Neighbours<D>::build_pairs(const SearchSpace<D>& space) {
   for (Index c = 0; c <= n; ++c)
     for (std::size_t k = 0; k < found[c]; ++k) {
       Found copy = across[c][k];
-      const Index target = chunk_of(Kind::symmetric ? copy.pair.second : copy.pair.first);
+      const Index target = chunk_of(other_point(copy.pair));
       if (target < 0) continue;
       if (Kind::symmetric) std::swap(copy.pair.first, copy.pair.second);
       across[target].push_back(copy);
@@ -290,6 +296,8 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
     // Cells as wide as the mean reach of a point: a search then visits a few cells of a few points each.
     grid_.build(x, topology.diameter.data(), n, mean / n + margin(), [&](Index i) { return space.cloud.uses(i); });
   }
+  if constexpr (D == 3)
+    if (needs_.surface_parts() && topology.surfaces) boxes_.build(topology, x, margin());
   for_each_list([&]<class Kind>(Kind) {
     if (!(needs_.*Kind::need)) return;
     if constexpr (D == 2) {
@@ -357,6 +365,8 @@ void Neighbours<D>::relist(const Topology& topology, const Walls<D>& wall, const
   old_places_.insert(old_places_.end(), reference_.begin() + begin, reference_.begin() + end);
   places_.insert(places_.end(), x + begin, x + end);
   std::copy(x + begin, x + end, reference_.begin() + begin);
+  if constexpr (D == 3)
+    if (needs_.surface_parts() && topology.surfaces) boxes_.move(topology, x, m);
   // Points near it, at the reference positions of the lists. The grid has the old places of relisted particles.
   const SearchSpace<D> space = search_space(topology, wall, reference_.data());
   const auto for_each_near = [&](const Vec<D>& low, const Vec<D>& high, auto&& visit) {
@@ -379,18 +389,23 @@ void Neighbours<D>::relist(const Topology& topology, const Walls<D>& wall, const
       Kind::search(space, own.first, own.last, [&](Index a, Index b) { list.insert(home, false, {a, b}); });
     } else {
       near_.clear();
-      for (Index i = own.first; i < own.last; ++i) {
-        const auto [low, high] = Kind::near(space, i);
-        for_each_near(low, high, [&](Index j) {
-          Kind::test(space, i, j, [&](Index a, Index b, Real contact) { near_.push_back({{a, b}, contact}); });
-        });
+      const auto found = [&](Index a, Index b, Real contact) { near_.push_back({{a, b}, contact}); };
+      if constexpr (Kind::of_surfaces) {
+        if (topology.surfaces)
+          boxes_.for_each_near(topology, m, relisted_, [&](Index n) { Kind::test_surfaces(space, m, n, found); });
+      } else {
+        for (Index i = own.first; i < own.last; ++i) {
+          const auto [low, high] = Kind::near(space, i);
+          for_each_near(low, high, [&](Index j) { Kind::test(space, i, j, found); });
+        }
       }
       std::sort(near_.begin(), near_.end(), [](const Found& a, const Found& b) { return a.pair < b.pair; });
       near_.erase(
           std::unique(near_.begin(), near_.end(), [](const Found& a, const Found& b) { return a.pair == b.pair; }),
           near_.end());
       for (const auto& [pair, contact] : near_) {
-        const Index away = chunk_of(own.contains(pair.first) ? pair.second : pair.first);
+        const Pair points = Kind::points_of_both(pair);
+        const Index away = chunk_of(own.contains(points.first) ? points.second : points.first);
         list.insert(home, away != home, pair, contact);
         if (away != home) list.insert(away, true, Kind::symmetric ? Pair{pair.second, pair.first} : pair, contact);
       }

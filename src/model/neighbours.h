@@ -89,8 +89,10 @@ class Neighbours : public NeighbourLists {
   Real time_of_rebuild() const { return time_; }
   /// Another number whenever the lists hold other pairs.
   std::int64_t version() const { return version_; }
-  /// Pairs of points; of vertices and edges where points meet none.
-  std::int64_t pairs() const { return needs_.point_pairs ? point_pairs.size() : vertex_edges.size(); }
+  /// Pairs of points; of vertices, edges and faces where points meet none.
+  std::int64_t pairs() const {
+    return needs_.point_pairs ? point_pairs.size() : vertex_edges.size() + vertex_faces.size() + edge_pairs.size();
+  }
   /// Entries in all lists, visited by one force evaluation.
   std::size_t size() const {
     std::size_t sum = 0;
@@ -143,6 +145,7 @@ class Neighbours : public NeighbourLists {
   std::vector<Index> chunk_{0}, chunk_point_{0};
   Real widest_ = 0, longest_ = 0;  ///< diameter of a point, edge
   CellGrid<D> grid_;
+  SurfaceBoxes boxes_;
   std::vector<Index> relisted_;            ///< since the last rebuild
   std::vector<Real> old_places_, places_;  ///< references of their points, before and after
   std::vector<Found> near_;

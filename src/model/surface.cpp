@@ -1,6 +1,7 @@
 #include <pliant/model/surface.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -15,6 +16,29 @@ Real Surface::total_rest_area() const { return std::accumulate(rest_area.begin()
 Real Surface::mean_rest_length() const {
   return std::accumulate(rest_length.begin(), rest_length.end(), Real(0)) / static_cast<Real>(rest_length.size());
 }
+
+namespace {
+
+/// Finds the neighbours of faces and vertices.
+void connect_parts(Surface& s) {
+  s.across.resize(s.faces.size());
+  s.around.resize(s.vertices.size());
+  s.lowest_face.resize(s.vertices.size());
+  const auto join = [&](Index face, Index start, const Surface::Across& other) {
+    const Face& own = s.faces[face];
+    s.across[face][std::ranges::find(own, start) - own.begin()] = other;
+  };
+  for (const Hinge& h : s.hinges) {
+    join(h.left, h.a, {h.right, h.d});
+    join(h.right, h.b, {h.left, h.c});
+    s.around[h.a].push_back(h.b);
+    s.around[h.b].push_back(h.a);
+  }
+  for (std::size_t f = s.faces.size(); f-- > 0;)
+    for (const Index i : s.faces[f]) s.lowest_face[i] = static_cast<Index>(f);
+}
+
+}  // namespace
 
 Real sphere_diameter(Real volume) { return std::cbrt(6 * volume / pi); }
 
@@ -34,6 +58,7 @@ Surface relaxed_surface(const TriangleMesh& mesh) {
     const HingeAngle angle(r[h.a], r[h.b], r[h.c], r[h.d]);
     s.rest_angle.push_back(std::atan2(angle.sine, angle.cosine));
   }
+  connect_parts(s);
   return s;
 }
 

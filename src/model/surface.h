@@ -1,6 +1,7 @@
 // Particles in space that are closed surfaces of triangles: connectivity, rest shape, and measures of their shape.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include <pliant/geometry/mesh.h>
@@ -19,6 +20,15 @@ struct Surface {
   std::vector<Real> rest_area;    ///< [faces]
   std::vector<Real> rest_length;  ///< [hinges]
   std::vector<Real> rest_angle;   ///< [hinges] from the normal of one face to the other, positive at convex edges
+
+  /// The other face at an edge of a face.
+  struct Across {
+    Index face;
+    Index vertex;  ///< the vertex of that face that does not belong to the edge
+  };
+  std::vector<std::array<Across, 3>> across;  ///< [faces] at the edge from each vertex of the face to the next one
+  std::vector<std::vector<Index>> around;     ///< [points] the other ends of the edges at each vertex
+  std::vector<Index> lowest_face;             ///< [points] the lowest number of a face at each vertex
 
   Index points() const { return static_cast<Index>(vertices.size()); }
   Real total_rest_area() const;

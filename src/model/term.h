@@ -59,7 +59,7 @@ struct StateView {
 /// particle that Topology::counts_for names.
 template <Elements E, int D>
 Index counts_at(const StateView<D>& s, Index e) {
-  const Pair& pair = (s.neighbours.*ElementKind<E>::list)[e];
+  const Pair pair = ElementKind<E>::points_of_both((s.neighbours.*ElementKind<E>::list)[e]);
   const Topology& topology = s.topology;
   return topology.offset[topology.counts_for(topology.particle[pair.first], topology.particle[pair.second])];
 }

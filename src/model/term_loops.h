@@ -137,8 +137,8 @@ class TermLoops {
         for (Index e = range.first; e < range.last; ++e) {
           VirialSum<D> gradients{s.x};
           term.add_gradient(s, e, gradients);
-          const Pair& pair = (s.neighbours.*KindOf<T>::list)[e];
-          for (const Index i : {pair.first, pair.second})
+          const Pair points = KindOf<T>::points_of_both((s.neighbours.*KindOf<T>::list)[e]);
+          for (const Index i : {points.first, points.second})
             if (const Index m = s.topology.particle[i]; own.contains(m)) sums[m] += gradients.sum / 2;
         }
     }

@@ -16,7 +16,8 @@ std::vector<ModelDefinition> all_models() {
        {ModelKind::sp, ModelKind::rough, ModelKind::smooth, ModelKind::disk, ModelKind::shape, ModelKind::bubble})
     models.push_back(catalogue_model(kind));
   for (ModelDefinition& model : models)
-    if (model.particles == ModelKind::rough || model.particles == ModelKind::shape)
+    if (model.particles == ModelKind::rough || model.particles == ModelKind::smooth ||
+        model.particles == ModelKind::shape)
       model.space = {};  // no surfaces yet
   return models;
 }

@@ -14,12 +14,14 @@
 #include <pliant/model/pair_contact.h>
 #include <pliant/model/pair_friction.h>
 #include <pliant/model/perimeter.h>
+#include <pliant/model/simplex_friction.h>
 #include <pliant/model/wall_contact.h>
 #include <pliant/model/wall_depletion.h>
 #include <pliant/model/wall_repulsion.h>
 
 #include "support/model_parameters.h"
 #include "support/rows.h"
+#include "support/smooth_surfaces.h"
 
 namespace pliant::test::elements_test {
 
@@ -86,6 +88,8 @@ constexpr bool can_be = EnergyTerm<AnyTerm<E, D>, D>;
 // A kind that is not in the table, or has no elements in these dimensions, does not compile.
 static_assert(can_be<Elements::points, 2> && can_be<Elements::point_pairs, 3> && can_be<Elements::vertex_edges, 2>);
 static_assert(!can_be<Elements::vertex_edges, 3> && !can_be<Elements::lips, 3>);
+static_assert(can_be<Elements::vertex_faces, 3> && can_be<Elements::edge_pairs, 3>);
+static_assert(!can_be<Elements::vertex_faces, 2> && !can_be<Elements::edge_pairs, 2>);
 static_assert(!can_be<static_cast<Elements>(element_kinds), 2>);
 
 /// The points with a non-zero entry, and the pairs of different points with a block.
@@ -183,6 +187,8 @@ TEST_CASE("the lists of a model follow from its terms") {
     if (row.kind == ModelKind::sp || row.kind == ModelKind::bubble) CHECK(needs_of<3>(row.kind, row.p) == row.lists);
   }
   CHECK(alone<2>()->needs() == NeighbourNeeds{});
+  CHECK(needs_of<3>(ModelKind::rough) == soft);
+  CHECK(needs_of<3>(ModelKind::smooth) == NeighbourNeeds{.walls = true, .vertex_faces = true, .edge_pairs = true});
 }
 
 TEST_CASE("terms of one model have the same edges") {
@@ -247,6 +253,10 @@ TEST_CASE("elements act on the points of their stencils, and couple no others") 
   };
   check_soft(soft_cluster<2>(random));
   check_soft(soft_cluster<3>(random));
+  check_stencil<3>(VertexFaceContact{1}, pressed_surfaces(random), names);
+  check_stencil<3>(EdgePairContact{1, 0.3}, pressed_surfaces(random), names);
+  check_stencil<3>(SimplexFriction<Elements::vertex_faces>{1}, pressed_surfaces(random), names);
+  check_stencil<3>(SimplexFriction<Elements::edge_pairs>{1}, pressed_surfaces(random), names);
 
   // All terms of the catalogue are included.
   const ModelParameters all_on{.k_a = 1, .k_l = 1, .k_b = 1, .mu = 1, .zeta = 1};

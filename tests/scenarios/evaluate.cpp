@@ -142,7 +142,7 @@ TEST_CASE("evaluate agrees with the reference configurations") {
 }
 
 TEST_CASE("evaluate agrees with the reference configurations of surfaces") {
-  const std::string name = GENERATE("d3_01_icosahedron_rest", "d3_04_hinges", "d3_05_rough_pair");
+  const std::string name = GENERATE("d3_01_icosahedron_rest", "d3_04_hinges", "d3_05_rough_pair", "d3_06_vertex_face");
   const json document = read_case(PLIANT_TEST_DATA "/evaluate/" + name + ".json");
   const json expected = document.at("expected"), got = run(document);
   CAPTURE(name);
@@ -213,6 +213,34 @@ TEST_CASE("evaluate has surfaces with contacts, friction, gravity and drag") {
   CHECK(run(rest)["energy"]["area"] == run(surface())["energy"]["area"]);
   rest["inputs"]["shape_terms"] = false;
   CHECK(keys(run(rest)["energy"]) == std::set<std::string>{"rough"});
+}
+
+TEST_CASE("evaluate has smooth surfaces under the names of runs, and refuses surfaces that meet") {
+  const json document = read_case(PLIANT_TEST_DATA "/evaluate/d3_06_vertex_face.json");
+  json same = document;
+  same["model"] = "smooth";
+  same["inputs"]["dim"] = 3;
+  same["inputs"]["e_c"] = same["inputs"]["eps_c"];
+  same["inputs"].erase("eps_c");
+  std::string remark;
+  CHECK(json::parse(evaluate(same, "case.json", &remark).dump()) == run(document));
+  CHECK(remark.empty());
+  const json got = run(document);
+  CHECK(keys(got["force"]) == std::set<std::string>{"contact", "contact_vertex", "contact_edge", "friction",
+                                                    "friction_vertex", "friction_edge", "total"});
+  // The vertex in the middle of a face, at no distance, and beyond it.
+  json& height = same["inputs"]["positions"][0][0][2];
+  height = 0;
+  CHECK_THAT(message(same), Catch::Contains("inputs.positions[0][0] is at no distance from face 0 of particle 1"));
+  height = -0.01;
+  CHECK_THAT(message(same), Catch::Contains("pierces face 0 of particle 1"));
+  // The tip touches the bottom of a hopper.
+  height = 0.06;
+  for (json& row : same["inputs"]["positions"][1]) row[2] = row[2].get<double>() - 1;
+  same["inputs"]["hopper3d"] = json{{"W", 20}, {"w", 0.1}};
+  same["inputs"]["e_w"] = 50;
+  for (json& row : same["inputs"]["positions"][0]) row[2] = row[2].get<double>() - 0.02;
+  CHECK(run(same)["energy"]["wall"].get<double>() > 0);
 }
 
 TEST_CASE("evaluate names what is wrong with a surface") {

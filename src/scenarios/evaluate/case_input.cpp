@@ -23,7 +23,7 @@ struct ModelName {
   bool old = false;    ///< an older name: rules that have a form printed in [H] have it by default
   bool space = false;  ///< an older name of a model of surfaces
 };
-constexpr std::array<ModelName, 11> model_names{{{"sp", ModelKind::sp},
+constexpr std::array<ModelName, 12> model_names{{{"sp", ModelKind::sp},
                                                  {"shape", ModelKind::shape},
                                                  {"rough", ModelKind::rough},
                                                  {"smooth", ModelKind::smooth},
@@ -33,7 +33,12 @@ constexpr std::array<ModelName, 11> model_names{{{"sp", ModelKind::sp},
                                                  {"DP-rough", ModelKind::rough, true},
                                                  {"DP-smooth", ModelKind::smooth, true},
                                                  {"DP3", ModelKind::shape, false, true},
-                                                 {"DP3-rough", ModelKind::rough, false, true}}};
+                                                 {"DP3-rough", ModelKind::rough, false, true},
+                                                 {"DP3-smooth", ModelKind::smooth, false, true}}};
+
+bool deformable(ModelKind kind) {
+  return kind == ModelKind::shape || kind == ModelKind::rough || kind == ModelKind::smooth;
+}
 
 /// A kind of particles: surfaces are deformable particles in space.
 struct Particles {
@@ -41,22 +46,24 @@ struct Particles {
   bool surfaces = false;
   bool operator==(const Particles&) const = default;
 };
-constexpr std::array<Particles, 7> all_particles{{{ModelKind::sp},
+constexpr std::array<Particles, 8> all_particles{{{ModelKind::sp},
                                                   {ModelKind::shape},
                                                   {ModelKind::rough},
                                                   {ModelKind::smooth},
                                                   {ModelKind::bubble},
                                                   {ModelKind::shape, true},
-                                                  {ModelKind::rough, true}}};
+                                                  {ModelKind::rough, true},
+                                                  {ModelKind::smooth, true}}};
 
 /// Keys that are not parameters of terms.
 Keys keys_of(const Particles& particles) {
   const ModelKind kind = particles.kind;
   if (particles.surfaces) {
     Keys keys{"dim", "positions", "faces", "V0", "a0", "edges", "l0", "theta0"};
-    if (kind == ModelKind::rough)
-      for (const std::string_view key : {"delta", "velocities", "mass", "rho", "gravity", "shape_terms"})
+    if (kind != ModelKind::shape)
+      for (const std::string_view key : {"delta", "velocities", "mass", "rho", "gravity", "shape_terms", "hopper3d"})
         keys.push_back(key);
+    if (kind == ModelKind::smooth) keys.push_back("rubbing");  // the touching places, a remark for readers
     return keys;
   }
   const Keys polygon{"dim", "vertices", "a0", "l0"};
@@ -75,8 +82,7 @@ Keys keys_of(const Particles& particles) {
 
 ParameterTable parameters_of(const Particles& particles) {
   ParameterTable table;
-  const bool deformable = particles.kind == ModelKind::shape || particles.kind == ModelKind::rough;
-  table.declare(catalogue_model(particles.kind), !deformable ? 0 : particles.surfaces ? 3 : 2);
+  table.declare(catalogue_model(particles.kind), !deformable(particles.kind) ? 0 : particles.surfaces ? 3 : 2);
   return table;
 }
 
@@ -168,6 +174,9 @@ Walls<D> read_walls(const CaseValue& inputs) {
   return Container(measures, {}, CornerRule::literal).walls<D>();
 }
 
+/// δ/l0 of [H 9, App. A].
+Real usual_width(ModelKind kind) { return kind == ModelKind::smooth ? 0.1 : 1; }
+
 /// Input common to all models with contacts.
 template <int D>
 void read_surroundings(const CaseValue& inputs, EvaluatedCase<D>& c) {
@@ -221,7 +230,7 @@ CaseModel read_model(const CaseValue& model, const CaseValue& inputs) {
   const ModelName& own = model_names[model.choice(names)];
   Particles particles{own.kind, own.space};
   if (const CaseValue dim = inputs["dim"]; !own.old && dim.present() && dim.number() == 3)
-    particles.surfaces |= own.kind == ModelKind::shape || own.kind == ModelKind::rough;
+    particles.surfaces |= deformable(own.kind);
   check_keys(inputs, own, particles);
   std::vector<std::string> old_names;
   CaseModel result{own.kind, read_parameters(inputs, own, particles, old_names), particles.surfaces};
@@ -302,7 +311,7 @@ EvaluatedCase<2> read_polygons(const CaseValue& inputs, const CaseModel& model) 
   for (const CaseValue* optional : {&delta, &mass, &velocities})
     if (optional->present()) optional->check_size(n, "particle");
   const Real rho = inputs["rho"].number_or(1, Sign::positive);
-  const Real width = model.kind == ModelKind::smooth ? 0.1 : 1;  // δ/l0 of [H 9, App. A]
+  const Real width = usual_width(model.kind);
   for (std::size_t m = 0; m < n; ++m) {
     const std::size_t count = vertices[m].size();
     if (count < 3) vertices[m].fail("has {} vertices, but a polygon needs at least 3", count);
@@ -374,13 +383,14 @@ EvaluatedCase<3> read_surfaces(const CaseValue& inputs, const CaseModel& model) 
   c.kind = model.kind;
   c.parameters = model.parameters;
   c.topology.dim = 3;
-  if (const CaseValue dim = inputs["dim"]; dim.number_or(3) != 3) dim.fail("must be 3 for model DP3 and DP3-rough");
+  if (const CaseValue dim = inputs["dim"]; dim.number_or(3) != 3)
+    dim.fail("must be 3 for models DP3, DP3-rough and DP3-smooth");
   const CaseValue positions = inputs["positions"], faces = inputs["faces"], velocities = inputs["velocities"];
   const CaseValue volumes = inputs["V0"], areas = inputs["a0"], edges = inputs["edges"], lengths = inputs["l0"],
                   angles = inputs["theta0"], delta = inputs["delta"], mass = inputs["mass"];
   const bool rest = model.kind == ModelKind::shape || volumes.present() || areas.present() || edges.present() ||
                     lengths.present() || angles.present();
-  const bool shape_terms = rest && inputs["shape_terms"].flag_or(true);
+  c.shape_terms = rest && inputs["shape_terms"].flag_or(true);
   const bool rest_angles = configured(c.parameters, HingeBending{}).with_rest;
   const std::size_t n = positions.size();
   faces.check_size(n, "particle");
@@ -410,7 +420,7 @@ EvaluatedCase<3> read_surfaces(const CaseValue& inputs, const CaseModel& model) 
       read_per_edge(edges[m], lengths[m], Sign::positive, surface, surface.rest_length);
       if (angles.present()) read_per_edge(edges[m], angles[m], Sign::any, surface, surface.rest_angle);
     }
-    const Real width = delta.present() ? of_particle(delta, m) : surface.mean_rest_length();
+    const Real width = delta.present() ? of_particle(delta, m) : usual_width(model.kind) * surface.mean_rest_length();
     const Real own_mass = mass.present() ? mass[m].number(Sign::positive) : rho * surface.volume;
     surfaces->kinds.push_back(surface);
     surfaces->add_particle(c.topology, static_cast<Index>(m), surface.volume, width, own_mass);
@@ -425,9 +435,8 @@ EvaluatedCase<3> read_surfaces(const CaseValue& inputs, const CaseModel& model) 
           "has {} of its rest area, but needs at least {}; move one of its vertices", shape.least_area,
           least_face_area);
   }
-  c.surfaces = surfaces;
-  if (shape_terms) c.topology.surfaces = surfaces;
-  if (const CaseValue gravity = inputs["gravity"]; gravity.present()) c.gravity = gravity.vector<3>();
+  c.topology.surfaces = surfaces;
+  read_surroundings(inputs, c);
   return c;
 }
 

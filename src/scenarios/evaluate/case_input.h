@@ -23,9 +23,8 @@ struct EvaluatedCase {
   Vec<D> gravity = Vec<D>::Zero();
   Walls<D> walls;
   Topology topology;
+  bool shape_terms = true;  ///< surfaces have energies of their shape
   std::vector<Real> x, v;
-  /// Null unless particles are surfaces; Topology::surfaces is null where they have no energies of the shape.
-  std::shared_ptr<const Surfaces> surfaces = nullptr;
 };
 
 /// The model of a case and the values of its parameters.

@@ -4,6 +4,8 @@
 #include <pliant/model/edge_contact.h>
 #include <pliant/model/lip_contact.h>
 #include <pliant/model/polygon.h>
+#include <pliant/model/simplex_contact.h>
+#include <pliant/model/surface_crossing.h>
 #include <pliant/scenarios/evaluate/case_input.h>
 #include <pliant/scenarios/evaluate/evaluate.h>
 
@@ -48,6 +50,14 @@ void check_directions(const StateView<D>& s, bool lip_edges, const std::string& 
             "{}: a lip of inputs.hopper lies on the edge from {}, where the force has no direction; move it", file,
             named(a));
   }
+  if constexpr (D == 3) {
+    for (Index e = 0; e < s.neighbours.vertex_faces.size(); ++e)
+      if (const VertexFace pair(s, e); VertexOnFace(pair.r).d2() == 0)
+        refuse(pair.points[0], fmt::format("face {} of particle {}", pair.face, pair.particle));
+    for (Index e = 0; e < s.neighbours.edge_pairs.size(); ++e)
+      if (const EdgeEdge pair(s, e, 0); EdgeOnEdge(pair.r).d2() == 0)
+        refuse(pair.points[0], fmt::format("the edge between {} and {}", named(pair.points[2]), named(pair.points[3])));
+  }
 }
 
 /// Distances to an outline are unsigned: inside it the force of a contact with an edge would pull further in.
@@ -59,6 +69,16 @@ void check_crossing(const EvaluatedCase<2>& c, const std::string& file) {
         "{}: inputs.vertices[{}][{}] lies inside particle {}, where contacts with edges have no meaning; move it "
         "outside",
         file, crossing->particle, crossing->vertex - c.topology.offset[crossing->particle], crossing->other);
+}
+
+void check_piercing(const EvaluatedCase<3>& c, const std::string& file) {
+  const Neighbours<3> none({}, 0);
+  const auto piercing = look_at_surfaces({c.x.data(), c.v.data(), c.topology, none, c.walls}).piercing;
+  if (piercing)
+    throw InputError(
+        "{}: the edge between inputs.positions[{}][{}] and [{}] pierces face {} of particle {}, where contacts have no "
+        "meaning; move them apart",
+        file, piercing->particle, piercing->a, piercing->b, piercing->face, piercing->other);
 }
 
 /// Vectors per point in the layout of the positions; vectors per vertex grouped by particle.
@@ -113,10 +133,28 @@ void check_finite(const std::vector<Real>& values, std::string_view term, const 
     throw NumericalError("{}: {} is beyond the range of numbers; check the sizes and coefficients", file, term);
 }
 
+Surroundings<2> surroundings_of(const EvaluatedCase<2>& c) { return {.gravity = c.gravity}; }
+Surroundings<3> surroundings_of(const EvaluatedCase<3>& c) {
+  return {.gravity = c.gravity, .shape_terms = c.shape_terms};
+}
+
+/// Vertices and edges of smooth surfaces have terms of their own, "contact_vertex" and "contact_edge": adds "contact",
+/// their sum.
+void add_sums(ordered_json& terms) {
+  const auto sum = [](const auto& self, const ordered_json& a, const ordered_json& b) -> ordered_json {
+    if (!a.is_array()) return a.get<Real>() + b.get<Real>();
+    ordered_json all = ordered_json::array();
+    for (std::size_t k = 0; k < a.size(); ++k) all.push_back(self(self, a[k], b[k]));
+    return all;
+  };
+  for (const std::string name : {"contact", "friction"})
+    if (terms.contains(name + "_vertex")) terms[name] = sum(sum, terms[name + "_vertex"], terms[name + "_edge"]);
+}
+
 template <int D>
 ordered_json results(const EvaluatedCase<D>& c, const std::string& file) {
   ParameterValues parameters = c.parameters;
-  const auto model = make_force_field<D>(c.kind, parameters, {.gravity = c.gravity});
+  const auto model = make_force_field<D>(c.kind, parameters, surroundings_of(c));
   Neighbours<D> neighbours(model->needs(), 0);
   neighbours.rebuild(c.topology, c.walls, c.x.data());
   const StateView<D> s{c.x.data(), c.v.data(), c.topology, neighbours, c.walls};
@@ -131,16 +169,18 @@ ordered_json results(const EvaluatedCase<D>& c, const std::string& file) {
     check_finite(term.force, fmt::format("the force \"{}\"", term.name), file);
     force[term.name] = rows<D>(c.topology, term.force);
   }
+  add_sums(energy);
+  add_sums(force);
   std::vector<Real> total(c.x.size());
   model->forces(s, total.data());
   check_finite(total, "the total force", file);
   force["total"] = rows<D>(c.topology, total);
 
   ordered_json result = ordered_json::object();
-  if (c.surfaces) {
+  if (c.topology.surfaces) {
     std::vector<Real> volumes;
     for (Index m = 0; m < c.topology.particles(); ++m)
-      volumes.push_back(surface_volume(s.x, c.topology, c.surfaces->of(c.topology, m), m));
+      volumes.push_back(surface_volume(s.x, c.topology, c.topology.surfaces->of(c.topology, m), m));
     check_finite(volumes, "the volume", file);
     result["volume"] = per_particle(volumes);
   }
@@ -228,7 +268,11 @@ ordered_json evaluate(const json& document, const std::string& file, std::string
   if (model.kind == ModelKind::sp) return in_dimension(inputs["dim"].number(), read_soft<2>, read_soft<3>);
   if (model.kind == ModelKind::bubble)
     return in_dimension(inputs["dim"].number_or(2), read_droplets<2>, read_droplets<3>);
-  if (model.surfaces) return results(read_surfaces(inputs, model), file);
+  if (model.surfaces) {
+    const EvaluatedCase<3> c = read_surfaces(inputs, model);
+    if (model.kind == ModelKind::smooth) check_piercing(c, file);
+    return results(c, file);
+  }
   const EvaluatedCase<2> c = read_polygons(inputs, model);
   if (model.kind == ModelKind::smooth ||
       (model.kind == ModelKind::rough && configured(model.parameters, EdgeContact<>{0, Edges::bare}).on))
