@@ -19,7 +19,9 @@ template <int D>
 class EmptyLists {
  public:
   explicit EmptyLists(Neighbours<D>& neighbours) : lists_(neighbours), all_(std::move(lists_)) {
-    for (const auto list : {&NeighbourLists::point_pairs, &NeighbourLists::vertex_edges}) clear(list);
+    for (const auto list : {&NeighbourLists::point_pairs, &NeighbourLists::vertex_edges, &NeighbourLists::vertex_faces,
+                            &NeighbourLists::edge_pairs})
+      clear(list);
     clear_walls();
   }
   ~EmptyLists() { lists_ = std::move(all_); }
