@@ -36,7 +36,7 @@ def last_modes(run):
     backbone = run.summary["backbone"] if run.summary else run.topology.particles
     wanted = points // run.topology.particles * backbone * run.dim
     if found.sum() < wanted:
-        raise RunError(f"{run.path}: {found.sum()} of {wanted} modes: the density of states needs all of them, -modes {points * run.dim}")
+        raise RunError(f"{run.path}: {found.sum()} of {wanted} modes: the density of states needs all of them, -modes {wanted}")
     return omega[found], ratio[found]
 
 

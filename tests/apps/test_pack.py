@@ -123,7 +123,9 @@ def test_modes_in_frames_and_pictures(tmp_path):
     assert few.frames[-1]["modes"].shape == (32, 8)
     result = subprocess.run(["/usr/bin/python3", PLOTS / "density_of_states.py", tmp_path / "few", "-o", tmp_path / "x.png"],
                             encoding="utf-8", capture_output=True)
-    assert result.returncode != 0 and "needs all of them" in result.stderr
+    all_modes = 2 * few.summary["backbone"]
+    assert result.returncode != 0 and f"4 of {all_modes} modes" in result.stderr
+    assert result.stderr.strip().endswith(f"needs all of them, -modes {all_modes}"), result.stderr
 
 
 def test_deep_overlaps_are_refused(tmp_path):
