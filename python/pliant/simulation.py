@@ -23,7 +23,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from .engine import core
-from .errors import InputError, UsageError
+from .errors import InputError, NumericalError, UsageError
 from .run import contact_table
 from .scenario_calls import arguments, option_lines
 
@@ -488,15 +488,22 @@ class Simulation:
         """For callbacks: the run ends after this step."""
         self._core.stop()
 
-    def minimize(self, force_tolerance: float = 1e-8, max_iterations: int = 100000, pressure: float | None = None) -> Minimum:
+    def minimize(self, force_tolerance: float = 1e-8, max_iterations: int = 100000, pressure: float | None = None,
+                 must_converge: bool = True) -> Minimum:
         """Moves the particles to a minimum of the energy (FIRE), at rest: until no component of a force is larger than
         force_tolerance. Without drag and friction, which have no energy.
 
         pressure: the box, which must be periodic in all directions and without walls, grows or shrinks without change of shape
         until its pressure has this value; `box` is then the new one. Errors: InputError; NumericalError where the box grows
-        without end. Both leave the simulation as it was."""
-        return Minimum(self._core.minimize(_number(force_tolerance, "force_tolerance"),
-                                           _integer(max_iterations, "max_iterations"), _optional(pressure, "pressure")))
+        without end, outlines cross or a particle ends within a wall. Both leave the simulation as it was. Also
+        NumericalError if max_iterations do not suffice, unless must_converge is False: then the result has
+        `converged` = False. In both cases the simulation has the positions and the box of the last iteration."""
+        minimum = Minimum(self._core.minimize(_number(force_tolerance, "force_tolerance"),
+                                              _integer(max_iterations, "max_iterations"), _optional(pressure, "pressure")))
+        if must_converge and not minimum.converged:
+            raise NumericalError(f"minimize() has not converged: {minimum.reason}, above force_tolerance {force_tolerance:g}; call it "
+                                 "again to continue, raise max_iterations or force_tolerance, or accept it with must_converge=False")
+        return minimum
 
     # --- Changes
 
