@@ -20,6 +20,7 @@
 #include <pliant/run/crossing_watch.h>
 #include <pliant/run/motion_archive.h>
 #include <pliant/run/simulation.h>
+#include <pliant/run/wall_watch.h>
 
 namespace pliant::python {
 
@@ -171,8 +172,10 @@ class Simulated final : public AnySimulation {
   void set_integrator(std::optional<Real> next = {});
   /// PETSc's options may belong to another simulation.
   void prepare();
-  /// Errors: NumericalError for a particle within a wall, and where steps are fixed for one that goes so far in a step
-  /// that it may meet nothing.
+  /// Checks from the present state on whether outlines cross and particles pass through walls. Errors: NumericalError.
+  void start_watches();
+  /// Errors: NumericalError for a particle within a wall or crossed by one, and where steps are fixed for one that goes
+  /// so far in a step that it may meet nothing.
   void check_walls(Real step);
   Real end_of(std::optional<Real> duration, std::int64_t count) const;
 
@@ -212,6 +215,7 @@ class Simulated final : public AnySimulation {
   std::unique_ptr<RunOutput<D>> output_;
   std::string failed_;  ///< message of a run that failed
   CrossingWatch outlines_;
+  WallWatch<D> walls_;
   Real critical_ = 0;                 ///< longest stable step
   IntegratorStatistics before_;       ///< of earlier integrators
   std::int64_t rebuilds_before_ = 0;  ///< of lists, before a restart

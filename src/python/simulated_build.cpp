@@ -126,8 +126,7 @@ void Simulated<D>::check_start() {
       throw InputError("particle {} is on a wall, where the force has no direction; move it", id(i));
     if (d < 0) throw InputError("particle {} is inside wall {}; move it", id(i), s.walls.wall_of_part(part));
   }
-  if constexpr (D == 2)
-    if (deformable()) outlines_.start(simulation_->particles(), simulation_->state());
+  start_watches();
 }
 
 template <int D>

@@ -114,8 +114,7 @@ py::dict Simulated<D>::minimize(Real force_tolerance, std::int64_t most_iteratio
       found = minimise<D>(system, state.x(), options);
       // Checkpoints store lists by positions at their rebuild, which know nothing of a deformation of the box.
       if (pressure) system.rebuild(state.x().data(), state.t);
-      if constexpr (D == 2)
-        if (deformable()) outlines_.start(system, state);
+      start_watches();
       std::ranges::fill(state.v(), 0.0);
       system.history().clear();
     } catch (...) {
@@ -229,6 +228,7 @@ struct Simulated<D>::Running {
     of.stale_ = true;
     if constexpr (D == 2)
       if (of.deformable()) of.outlines_.after_step(simulation.particles(), simulation.state());
+    of.walls_.after_step(simulation.particles(), simulation.state());
     for (Call& call : calls) {
       const Real t = simulation.state().t;
       if (call.schedule && !call.schedule->due(t)) continue;
@@ -246,8 +246,7 @@ struct Simulated<D>::Running {
     if (left > 0) --left;
     const bool changed = std::exchange(of.changed_, false), ends = error || of.stop_ || left == 0,
                stops = ends || !of.deferred_.empty();
-    if constexpr (D == 2)
-      if (changed && of.deformable()) of.outlines_.after_change(simulation.particles(), simulation.state());
+    if (changed) after_change();
     if (function != nullptr) function->keep(simulation.state());
     if (!error && steps++ % 128 == 0) error.guard([&] { of.check_walls(step); });
     ended = ends || error;
@@ -258,14 +257,21 @@ struct Simulated<D>::Running {
       if (of.deferred_.empty() && (of.output_->save_asked() || (now_and_then && of.output_->save_due())))
         of.write_checkpoint(changed || (ends && function != nullptr));  // the force ends with the run
     }
-    if constexpr (D == 2)
-      if (sorted && of.deformable()) of.outlines_.after_change(simulation.particles(), simulation.state());
+    if (sorted) after_change();
     if (stops || error) {
       if (changed) of.mark_changed();
       return AfterStep::stop;
     }
     if (changed) return AfterStep::changed;
     return sorted ? AfterStep::reordered : AfterStep::proceed;
+  }
+
+  /// Particles or walls are elsewhere, or particles are in another order.
+  void after_change() {
+    Simulation<D>& simulation = *of.simulation_;
+    if constexpr (D == 2)
+      if (of.deformable()) of.outlines_.after_change(simulation.particles(), simulation.state());
+    of.walls_.start(simulation.particles(), simulation.state());
   }
 
   /// Changes that callbacks asked for and that the integrator must not see. Returns whether the run continues.
@@ -291,8 +297,14 @@ struct Simulated<D>::Running {
 template <int D>
 void Simulated<D>::prepare() {
   if (settings_->method == Method::ts) settings_->restore();
+  start_watches();
+}
+
+template <int D>
+void Simulated<D>::start_watches() {
   if constexpr (D == 2)
     if (deformable()) outlines_.start(simulation_->particles(), simulation_->state());
+  walls_.start(simulation_->particles(), simulation_->state());
 }
 
 template <int D>
@@ -300,8 +312,10 @@ void Simulated<D>::check_walls(Real step) {
   simulation_->find_velocities();
   const StateView<D> s = simulation_->view();
   const bool judged = simulation_->integrator().explicit_fixed_step() && !settings_->allow_unstable_dt;
-  if (s.walls.size() > 0 || s.topology.particles() > 1)
-    check_walls_hold(s, judged ? step : 0, Ranks(), cures({Cure::stiffer_walls, Cure::shorter_step}));
+  const std::string cure = "use " + cures({Cure::stiffer_walls, Cure::shorter_step});
+  if (s.walls.size() > 0 || s.topology.particles() > 1) check_walls_hold(s, judged ? step : 0, Ranks(), cure);
+  if constexpr (D == 2)
+    if (deformable()) check_outlines_meet_no_wall(s, Ranks(), cure);
 }
 
 template <int D>
@@ -317,8 +331,10 @@ Real Simulated<D>::end_of(std::optional<Real> duration, std::int64_t count) cons
   return t() + *duration;
 }
 
+template void Simulated<2>::start_watches();
 template void Simulated<2>::run(std::optional<Real>, std::int64_t, const std::vector<Callback>&, py::object);
 template py::dict Simulated<2>::minimize(Real, std::int64_t, std::optional<Real>);
+template void Simulated<3>::start_watches();
 template void Simulated<3>::run(std::optional<Real>, std::int64_t, const std::vector<Callback>&, py::object);
 template py::dict Simulated<3>::minimize(Real, std::int64_t, std::optional<Real>);
 

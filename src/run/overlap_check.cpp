@@ -2,9 +2,27 @@
 
 #include <algorithm>
 
-#include <pliant/base/errors.h>
+#include <pliant/model/crossing.h>
 
 namespace pliant {
+
+NumericalError within_wall(const Topology& topology, Index i, Index wall, Real d, const std::string& cure) {
+  return NumericalError("particle {} went through wall {}: it overlaps by {:.3g} radii; {}",
+                        topology.id[topology.particle[i]], wall, 1 - 2 * d / topology.diameter[i], cure);
+}
+
+void check_outlines_meet_no_wall(const StateView<2>& s, const Ranks& ranks, const std::string& cure) {
+  const Topology& topology = s.topology;
+  ranks.together([&] {
+    for (Index m = 0; m < topology.owned(); ++m) {
+      if (topology.active[m] == 0 || !outline_meets(s.x, topology, m, s.walls, s.t)) continue;
+      Index part = 0;
+      while (!outline_meets(s.x, topology, m, s.walls.segment(part, s.t))) ++part;
+      throw NumericalError("particle {} went through wall {}: the wall crosses its outline; {}", topology.id[m],
+                           s.walls.wall_of_part(part), cure);
+    }
+  });
+}
 
 template <int D>
 Real check_walls_hold(const StateView<D>& s, Real dt, const Ranks& ranks, const std::string& cure) {
@@ -13,9 +31,7 @@ Real check_walls_hold(const StateView<D>& s, Real dt, const Ranks& ranks, const 
   ranks.together([&] {
     for (const auto& [i, part] : s.neighbours.walls) {
       const Real d = s.walls.distance(s.position(i), part, s.t), radius = topology.diameter[i] / 2;
-      if (d < 0)
-        throw NumericalError("particle {} went through wall {}: it overlaps by {:.3g} radii; {}",
-                             topology.id[topology.particle[i]], s.walls.wall_of_part(part), 1 - d / radius, cure);
+      if (d < 0) throw within_wall(topology, i, s.walls.wall_of_part(part), d, cure);
       largest = std::max(largest, 1 - d / radius);
     }
     for (Index i = 0; i < topology.owned_points(); ++i) {

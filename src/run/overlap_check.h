@@ -3,6 +3,7 @@
 
 #include <string>
 
+#include <pliant/base/errors.h>
 #include <pliant/base/ranks.h>
 #include <pliant/model/term.h>
 
@@ -11,6 +12,13 @@ namespace pliant {
 /// Overlap of two particles over their contact distance at which their centres meet, and of a particle with a wall over
 /// the radius at which its centre is on the wall. Beyond, they pass through each other, and contact laws are undefined.
 constexpr Real passing_overlap = 0.95;
+
+/// The error of point i at a distance d < 0 from a wall: its centre is within a solid or a disk.
+NumericalError within_wall(const Topology& topology, Index i, Index wall, Real d, const std::string& cure);
+
+/// For samples, of polygons. Errors: NumericalError on all ranks if a wall segment crosses an outline. `cure` ends the
+/// message. Collective.
+void check_outlines_meet_no_wall(const StateView<2>& s, const Ranks& ranks, const std::string& cure);
 
 /// For samples. Returns the largest overlap of a point with a wall, over the point's radius, of all ranks; 0 without
 /// any. A thin wall has no inside, therefore its overlap is one radius at most. Errors: NumericalError on all ranks if

@@ -16,6 +16,7 @@ enum class MotionSince {
   list_rebuild,   ///< positions or walls have moved from the reference of the neighbour lists
   narrowing,      ///< of the list of vertices and edges
   outline_check,  ///< of vertices and outlines (CrossingWatch)
+  wall_check,     ///< of points and walls (WallWatch)
 };
 
 /// Upper bound of how far any point has moved, without reading the positions. An integrator reports by how much
@@ -56,7 +57,7 @@ class MotionBound {
   static constexpr Real infinite = std::numeric_limits<Real>::infinity();
   Real per_coordinate_;  ///< largest distance of a point per change of its coordinates: √dimensions
   std::optional<Real> reported_;
-  std::array<Real, 3> distance_;
+  std::array<Real, 4> distance_;
 };
 
 }  // namespace pliant

@@ -650,6 +650,24 @@ def test_a_minimum_with_crossed_outlines_is_refused():
     sim.step()
 
 
+@pytest.mark.parametrize("pressure", [None, 1e-2])
+def test_a_minimum_that_is_not_reached(pressure):
+    """An error with the largest force and cures, unless the caller accepts it; another call continues."""
+    for options in ({}, {"must_converge": False}):
+        sim = Simulation(cloud(16, spacing=0.9), 1, box=(3.6, 3.6), e_sp=10)
+        before = sim.positions.copy()
+        if options:
+            minimum = sim.minimize(1e-12, 5, pressure, **options)
+            assert not minimum.converged and minimum.iterations == 5 and minimum.max_force > 1e-12
+        else:
+            with pytest.raises(pliant.NumericalError, match=r"limit of 5 iterations .*force_tolerance 1e-12; .*must_converge=False"):
+                sim.minimize(1e-12, 5, pressure)
+        assert not np.array_equal(sim.positions, before)
+        assert sim.minimize(1e-8, 10**5, pressure).converged
+        if pressure:
+            assert sim.minimize(1e-8, pressure=pressure).pressure == pytest.approx(pressure, rel=1e-5)
+
+
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_minimum_of_frictional_particles(dim):
     """Contacts repel until they do not overlap; angles stay."""
@@ -833,6 +851,101 @@ def test_particles_that_go_through_walls_end_the_run(dim):
     assert fast.t <= 0.02
     alone = Simulation(start, 1, velocities=[[0] * (dim - 1) + [1e4]], dt=0.01, e_w=1)
     alone.run(1)
+
+
+def thin_floor(dim=2, points=None, **motion):
+    """A horizontal segment, in 3D a round plate, without an inside."""
+    walls = Walls(dim)
+    walls.line(points or [(-5 * (3 - dim), 0), (5, 0)], **motion)
+    return walls
+
+
+def above(dim, height):
+    return [[0] * (dim - 1) + [height]]
+
+
+THROUGH = r"particle 0 went through wall 0: its (centre|vertex \d+) crossed the wall between t = .*; use stiffer walls \(-e_w\) or a shorter step \(-dt\)"
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("integrator", ["verlet", "rk"])
+def test_a_thin_wall_that_is_crossed_ends_the_run(dim, integrator):
+    """In the step in which the centre is first beyond the wall, whether the particle moves or the wall."""
+    for velocity, motion in ((-8, 0), (0, 8), (-4, 4)):
+        walls = thin_floor(dim, velocity=[0] * (dim - 1) + [motion])
+        sim = Simulation(above(dim, 1), 1, velocities=above(dim, velocity), walls=walls, e_w=10, integrator=integrator)
+        heights = []
+        with pytest.raises(pliant.NumericalError, match=THROUGH):
+            sim.run(0.5, callback=lambda s: heights.append(s.positions[0, -1] - motion * s.t))
+        assert min(heights) > 0 > sim.positions[0, -1] - motion * sim.t
+
+
+@pytest.mark.parametrize("model", ["rough", "smooth"])
+def test_a_polygon_that_a_thin_wall_crosses_ends_the_run(model):
+    fast = Simulation(polygons=pliant.regular_polygons([[0, 2]], 1, 12), velocities=np.repeat([[0, -30]], 12, axis=0),
+                      walls=thin_floor(), model=model, e_w=1)
+    with pytest.raises(pliant.NumericalError, match=THROUGH):
+        fast.run(1)
+    walls = Walls()
+    walls.line([(0, -3), (0, 0.1)])  # its end is within the outline, far from all vertices
+    pierced = Simulation(polygons=pliant.regular_polygons([[0, 0.3]], 1, 12), walls=walls, model=model)
+    with pytest.raises(pliant.NumericalError, match="particle 0 went through wall 0: the wall crosses its outline; use stiffer"):
+        pierced.run(1)
+
+
+def test_a_droplet_that_crosses_a_thin_wall_ends_the_run():
+    sim = Simulation([[0, 1.2]], 2, walls=thin_floor(), gravity=(0, -1e4), model="bubble", phi_c=0)
+    with pytest.raises(pliant.NumericalError, match="particle 0 went through wall 0"):
+        sim.run(100)
+
+
+def test_a_disk_wall_that_is_crossed_ends_the_run():
+    """Before the particle has left on the other side, in fewer steps than between two checks of overlaps."""
+    walls = Walls()
+    walls.disk((0, 0), 0.2)
+    sim = Simulation([[0, 1]], 1, velocities=[[0, -20]], walls=walls, e_w=1, dt=0.005)
+    with pytest.raises(pliant.NumericalError, match="particle 0 went through wall 0"):
+        sim.run(0.2)
+    assert sim.steps < 20 and abs(sim.positions[0, 1]) < 0.2
+
+
+def test_particles_beyond_walls_may_be_there():
+    """Below a floor and beside its end from the start, moved there by a callback or through a periodic border, or on the
+    other side of a wall that a callback moves; a particle that rolls around the end of a wall."""
+    below = Simulation([[0, -0.7], [6, 0.3], [3, -0.2]], 1, velocities=[[0, 1], [0, -3], [0, 0]], walls=thin_floor(), e_w=100)
+    below.run(2)
+    assert below.positions[0, 1] < 0 and below.positions[1, 1] < -1
+
+    moved = Simulation([[0, 1]], 1, velocities=[[0, -1]], walls=thin_floor(), e_w=100)
+
+    def place(s):
+        s.positions[0, 1] *= -1
+    moved.run(1, callback=place, every=0.25)
+    moved.run(1)
+
+    around = Simulation(cloud(9, spacing=1.3), 1, velocities=[[8, 0]] * 9, walls=floor(2, -0.4), gravity=(0, -1), box=(8, None), e_w=1000)
+    around.run(10)  # across the border, where sorting wraps the particles
+    assert around.images[:, 0].min() > 5
+
+    walls = thin_floor(velocity=(0, -1))
+    reversed_ = Simulation([[0, 1], [0, -2]], 1, walls=walls, e_w=100)
+    reversed_.run(1, callback=lambda s: s.move_wall(0, velocity=(0, np.cos(9 * s.t))), every=0.05)
+
+    walls = Walls()
+    walls.line([(-9, 0), (0, 0)])
+    rolls = Simulation([[-0.1, 0.499]], 1, velocities=[[0.1, 0]], walls=walls, gravity=(0, -1), e_w=1000)
+    rolls.run(5)
+    assert rolls.positions[0, 1] < -1
+
+    changed = Simulation([[0, 1]], 1, walls=thin_floor(), gravity=(0, -1), e_w=100)
+
+    def change(c):
+        if len(c) == 1:
+            c.add([[2, -1], [2, 1]], 1)
+        elif 0 in c.ids:
+            c.remove(0)
+    changed.run(2, callback=change, every=0.2)
+    assert list(changed.ids) == [1, 2] and changed.positions[0, 1] < 0 < changed.positions[1, 1]
 
 
 def test_a_second_thread():
