@@ -190,6 +190,19 @@ TEST_CASE("a table of contacts follows its list") {
   CHECK_NOTHROW(ContactHistory({{"a", Elements::points, 1}}));
 }
 
+TEST_CASE("a particle that is moved to another place has no history in any table") {
+  ContactHistory history({{"pairs", Elements::point_pairs, 1}, {"walls", Elements::walls, 1}});
+  for (const char* const name : {"pairs", "walls"}) {
+    StoredContacts contacts;
+    contacts.add({2, 3}, std::vector<Real>{1});
+    contacts.add({4, 5}, std::vector<Real>{2});
+    history.set(name, contacts);
+  }
+  history.forget(2);
+  for (const char* const name : {"pairs", "walls"})
+    CHECK(history.of(name).contacts().keys == std::vector<ContactKey>{{4, 5}});
+}
+
 TEST_CASE("parts of walls that are one surface have one contact with a point") {
   ContactTable table({"test", Elements::walls, 1});
   ContactWorkspace workspace(table.needs());
