@@ -333,7 +333,7 @@ struct VertexFaceContact {
 inline constexpr Parameter mollifier_s0{
     .name = "mollifier_s0",
     .symbol = "s_0",
-    .help = "smooth: edges count less if sin^2 of their angle is below this; 0: 4 edge_width^2",
+    .help = "smooth: edges count less below this sin^2 of their angle; 0: 4 edge_width^2",
     .value = 0,
     .max = 1};
 
