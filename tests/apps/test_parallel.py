@@ -23,8 +23,6 @@ KINDS = {
     "smooth": {**POLYGONS, "model": "smooth", "t_end": 0.06, "frame_interval": 0.02},
     "surfaces": {"model": "rough", "dim": 3, "n": 12, "hopper_wall_distance": 4, "hopper_width": 2, "pack_fraction": 0.5,
                  "t_end": 0.6, "frame_interval": 0.1, "sample_interval": 0.02},
-    "smooth_surfaces": {"model": "smooth", "dim": 3, "n": 12, "hopper_wall_distance": 4, "hopper_width": 2, "pack_fraction": 0.5,
-                        "edge_width": 0.3, "e_c": 1000, "t_end": 0.6, "frame_interval": 0.1, "sample_interval": 0.02},
     "discharge": {"flow": "discharge", "hopper_angle": 45, "n": 40, "t_end": 4},
     "ts": {"integrator": "ts", "ts_type": "rk", "ts_adapt_type": "none", "dt": 1.5e-3, "t_end": 1.5},
 }

@@ -121,12 +121,6 @@ TEST_CASE("names of the models") {
   CHECK(to_string(ModelKind::bubble) == "bubble");
 }
 
-TEST_CASE("smooth particles in 3D are refused") {
-  CHECK_THROWS_AS(make_force_field<3>(ModelKind::smooth, {}, Vec<3>::Zero()), InputError);
-  CHECK_THROWS_WITH(make_force_field<3>(ModelKind::smooth, {}, Vec<3>::Zero()),
-                    Catch::Contains("-model smooth does not exist in 3D; use two dimensions"));
-}
-
 TEST_CASE("critical steps of the small particle of [H]") {
   const auto step = [](ModelKind kind, Real delta, ModelParameters p) {
     return make_force_field<2>(kind, p, Vec<2>::Zero())->critical_step(small_polygon(delta)).one_contact();
