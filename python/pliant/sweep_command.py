@@ -1,6 +1,8 @@
 """pliant-sweep: runs a table of options, a row a run."""
 
 import argparse
+import contextlib
+import fcntl
 import os
 import re
 import shlex
@@ -15,7 +17,7 @@ from .errors import OutputError, RunError
 from .files import write_atomically
 from .script import remark
 from .sweep import results_tables
-from .sweep_jobs import STOPPED_CODE, RowFolder, Sweep, arguments, count_text, row_text
+from .sweep_jobs import IN_USE_CODE, STOPPED_CODE, RowFolder, Sweep, arguments, count_text, row_text
 from .sweep_rows import is_number, read_rows
 
 FAILED_CODE = 3
@@ -179,6 +181,27 @@ def _code(states):
     return FAILED_CODE if "failed" in kinds else 0
 
 
+@contextlib.contextmanager
+def _share_of(folder, alone):
+    """Whether this process may work in the folder of a sweep: alone, or together with others that do not want it alone."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be used ({error.strerror})") from None
+    free = True
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_NB | (fcntl.LOCK_EX if alone else fcntl.LOCK_SH))
+    except BlockingIOError:
+        free = False
+    except OSError:
+        pass  # a file system without locks; the locks of the runs warn of it
+    try:
+        yield free
+    finally:
+        os.close(descriptor)
+
+
 def main(arguments_=None):
     """Runs the command; returns the exit code."""
     parser = _parser()
@@ -229,7 +252,12 @@ def main(arguments_=None):
               f"{_row_command(given.table, output, program)} --row {{}}")
         return 0
 
-    states = Sweep(folders, program, workers, given.retry, patient=given.row is None, ensembles=given.ensembles).run()
+    with _share_of(output, alone=given.ensembles) as free:
+        if not free:
+            remark(f"pliant-sweep: error: {output}: another pliant-sweep works there, and a sweep with --ensembles must be the only "
+                   "one; wait until it ends, or run both without --ensembles")
+            return IN_USE_CODE
+        states = Sweep(folders, program, workers, given.retry, patient=given.row is None, ensembles=given.ensembles).run()
     if given.row is None:
         write_results(output, folders)
         remark(count_text(states.values()))

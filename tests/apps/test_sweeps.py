@@ -224,15 +224,21 @@ def name_of(options):
     return ",".join(f"{name}={options[name]}" for name in sorted(options, key=lambda name: (name == "seed", name)))
 
 
-def test_two_sweeps_with_ensembles_at_once(tmp_path):
-    table = write_table(tmp_path / "t.csv", *(SMALL | {"t_end": 20, "hopper_width": w, "seeds": "1-4"} for w in (3, 4, 5)))
-    sweeps = [start(table, "-j", 2, *more) for more in (["--ensembles"], ["--ensembles"], [])]
-    for process in sweeps:
-        output, _ = process.communicate(timeout=HANGS)
-        assert process.returncode == 0 and output.splitlines()[-1] == "done 12/12, running 0, failed 0, waiting 0", output
-    sweep(table, "-o", tmp_path / "alone")
-    results, alone = (pd.read_csv(tmp_path / folder / "results.csv", index_col="row") for folder in ("t", "alone"))
-    assert results["Q"].equals(alone["Q"]) and results["status"].equals(alone["status"])
+def test_a_sweep_with_ensembles_works_alone(tmp_path):
+    table = write_table(tmp_path / "t.csv", SMALL | {"t_end": 1000, "seeds": "1-3"})
+    alone = start(table, "--ensembles")
+    lock = tmp_path / "t/.ensembles" / name_of(SMALL | {"t_end": 1000, "seed": 1}) / "run.lock"
+    wait_for(lambda: lock.exists() and "process" in lock.read_text(encoding="utf-8"), alone)
+    for more in (["--ensembles"], []):
+        output = sweep(table, *more, code=6)
+        assert "another pliant-sweep" in output and "--ensembles" in output and "Traceback" not in output
+    alone.send_signal(signal.SIGTERM)
+    alone.communicate(timeout=HANGS)
+    together = start(table)
+    wait_for(lambda: list((tmp_path / "t").glob("*/run.lock")), together)
+    assert "another pliant-sweep" in sweep(table, "--ensembles", code=6)
+    together.send_signal(signal.SIGTERM)
+    together.communicate(timeout=HANGS)
 
 
 def test_a_longer_row_of_an_ensemble_starts_again(tmp_path):
