@@ -13,7 +13,7 @@ std::unique_ptr<ForceField<3>> surfaces_without_contacts(ParameterReader& p, con
 /// Each vertex is also the centre of a sphere that touches vertices of other particles and walls.
 std::unique_ptr<ForceField<3>> rough_surfaces(ParameterReader& p, const Surroundings<3>& s);
 
-/// Vertices, edges and faces touch those of other particles; vertices touch walls.
+/// Vertices, edges and faces of a particle touch vertices, edges and faces of other particles. Vertices touch walls.
 std::unique_ptr<ForceField<3>> smooth_surfaces(ParameterReader& p, const Surroundings<3>& s);
 
 }  // namespace pliant

@@ -45,8 +45,8 @@ PLIANT_INLINE void add_losses(const SphereWallTouch<Real4>& four, const SurfaceT
   }
 }
 
-/// Elements with a wall that is not a solid, and what is needed of their walls and spheres. Other elements are read as
-/// if they were with the first wall.
+/// Positions and radii of the spheres, and segments of the walls, of four elements. An element whose wall is a solid
+/// gets the first segment, and `solid` marks it.
 struct FourPlaces {
   std::array<std::ptrdiff_t, 4> i;
   std::array<Index, 4> part;
