@@ -92,7 +92,10 @@ run_pliant() {
     run channel -channel_width 6 -channel_arm 11 -distribution bidisperse -area_fraction 0.5 -pushes 1 -stroke 0.05 \
       -output "$folder/channel" &&
     run channel -channel_width 6 -channel_arm 11 -distribution bidisperse -area_fraction 0.5 -pushes 1 -stroke 0.02 \
-      -model rough -output "$folder/rods" || return 1
+      -model rough -output "$folder/rods" &&
+    run pack -n 12 -pressure 1e-2 -output "$folder/packing" &&
+    run shear -n 12 -path quench -fraction 0.95 -shear_rate 0.1 -strain 0.1 -output "$folder/shear" &&
+    run vibrate -n 12 -box_width 4 -cycles 1 -output "$folder/vibrated" || return 1
   rm -r "$folder"
 }
 

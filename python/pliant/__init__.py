@@ -23,12 +23,12 @@ from .run import Frame, Frames, Geometry, Profile, Run, Topology
 from .sweep import load_runs, load_table, sweep_table
 
 if TYPE_CHECKING:
-    from .scenario_calls import channel, clog, evaluate, hopper, pack, raft, shear
+    from .scenario_calls import channel, clog, evaluate, hopper, pack, raft, shear, vibrate
     from .simulation import (Box, Container, Minimum, Simulation, Walls, block_average, diameters, flow_rate,
                              regular_polygons, start_up)
 
 #: Name → module that needs the engine.
-_ENGINE = {**{name: "scenario_calls" for name in ("channel", "clog", "evaluate", "hopper", "pack", "raft", "shear")},
+_ENGINE = {**{name: "scenario_calls" for name in ("channel", "clog", "evaluate", "hopper", "pack", "raft", "shear", "vibrate")},
            **{name: "simulation" for name in ("Box", "Container", "Minimum", "Simulation", "Walls", "block_average",
                                               "diameters", "flow_rate", "regular_polygons", "start_up")}}
 

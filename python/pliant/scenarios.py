@@ -7,6 +7,7 @@ DRAWN_BY = {"hopper": "snapshot.py, movie.py, forces.py, series.py, profile.py a
             "raft": "raft.py, raft_snapshot.py, snapshot.py and movie.py",
             "clog": "clog_snapshot.py, raft_snapshot.py, snapshot.py and movie.py",
             "pack": "packing.py, density_of_states.py, snapshot.py and movie.py", "shear": "packing.py, snapshot.py and movie.py",
+            "vibrate": "series.py, snapshot.py and movie.py",
             "channel": "the channel_ scripts, snapshot.py and movie.py"}
 
 

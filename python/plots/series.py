@@ -1,7 +1,7 @@
 #!/usr/bin/python3
-"""Time series of a hopper: crossed area, flow rate, kinetic energy, energy budget, contacts, height of the filling.
+"""Time series of a hopper: crossed area, flow rate, kinetic energy, energy budget, contacts, height of the filling. Time series of a vibrated container: height of the centre of mass, energy of fluctuations, energy budget, contacts.
 
-The budget, of runs with inertia: since the start, work of reinsertion, heat, and change of the energy, which is work - heat. Grey: the flow has ended. The flow rate is drawn in pieces of the time before that."""
+The budget, of runs with inertia: since the start, work of reinsertion or of the walls, heat, and change of the energy, which is work - heat. Grey: the flow has ended. The flow rate is drawn in pieces of the time before that."""
 
 import sys
 from pathlib import Path
@@ -30,22 +30,26 @@ def draw_budget(axis, series):
 
 def draw(run, bins, output):
     """The figure of one run, with the flow rate in so many pieces."""
-    series, d = of_scenario(run, "hopper").series, run.dim
+    series, d = of_scenario(run, "hopper", "vibrate").series, run.dim
     if len(series) < 2:
         raise RunError(f"{run.path}: {len(series)} samples are too few for a time series (smaller -sample_interval?)")
-    volume = "area" if d == 2 else "volume"
-    panels = [("crossed_area", rf"crossed {volume}" + "\n" + rf"[$\sigma_{{avg}}^{d}$]"),
-              (None, "flow rate $Q$\n" + rf"[$\sigma_{{avg}}^{d}/t_0$]"),
-              ("kinetic_energy", "kinetic energy\n" + rf"[$\rho g\sigma_{{avg}}^{d + 1}$]"),
-              ("heat", "energy budget\n" + rf"[$\rho g\sigma_{{avg}}^{d + 1}$]"),
-              ("contact_pairs", "touching\npairs"), ("top_height", "top height\n" + r"[$\sigma_{avg}$]")]
+    volume, energy = "area" if d == 2 else "volume", "\n" + rf"[$\rho g\sigma_{{avg}}^{d + 1}$]"
+    budget, contacts = ("heat", "energy budget" + energy), ("contact_pairs", "touching\npairs")
+    flows = run.scenario == "hopper"
+    if flows:
+        panels = [("crossed_area", rf"crossed {volume}" + "\n" + rf"[$\sigma_{{avg}}^{d}$]"),
+                  (None, "flow rate $Q$\n" + rf"[$\sigma_{{avg}}^{d}/t_0$]"), ("kinetic_energy", "kinetic energy" + energy),
+                  budget, contacts, ("top_height", "top height\n" + r"[$\sigma_{avg}$]")]
+    else:
+        panels = [("mean_height", "mean height\n" + r"[$\sigma_{avg}$]"), ("fluctuation_energy", "energy of\nfluctuations" + energy),
+                  budget, contacts]
     if not {"work", "gravity_energy"} <= set(series):  # no energy audit, or an older version
         panels = [panel for panel in panels if panel[0] != "heat"]
     missing = [name for name, _ in panels if name and name not in series]
     if missing:
         raise RunError(f"{run.path}: /series has no {', '.join(missing)}")
-    time, crossed = series["time"].to_numpy(), series["crossed_area"].to_numpy()
-    ended = flow_end(series)
+    time = series["time"].to_numpy()
+    ended = flow_end(series) if flows else None
     flow = slice(None) if ended is None else time <= ended
     # After a clog Q is 0 by definition, not an average over the flow before it.
     averaged = run.steady_start if ended is None else None
@@ -58,7 +62,7 @@ def draw(run, bins, output):
         elif name:
             axis.plot(time, series[name], color=color, lw=1)
         elif np.count_nonzero(time[flow]) > 0:
-            edges, rate = flow_rate(time[flow], crossed[flow], min(bins, len(time[flow]) - 1))
+            edges, rate = flow_rate(time[flow], series["crossed_area"].to_numpy()[flow], min(bins, len(time[flow]) - 1))
             axis.stairs(rate, edges, baseline=None, color=color, lw=1.1)
             Q, error = run.measured("Q")
             if averaged is not None and np.isfinite(Q):
@@ -89,7 +93,7 @@ def draw(run, bins, output):
 
 def main():
     parser = script.parser(__doc__, "series.py runs/hopper -o series.png", "series.png")
-    parser.add_argument("run", help="run folder")
+    parser.add_argument("run", help="folder of a run of hopper or vibrate")
     parser.add_argument("--bins", type=int, default=60, help="pieces of the flow rate's average (default: 60)")
     parser.add_argument("--follow", type=float, metavar="S", help="draw again every S seconds until the run ends")
     arguments = script.arguments(parser)

@@ -6,12 +6,13 @@
 #include <pliant/scenarios/hopper/hopper.h>
 #include <pliant/scenarios/packings/scenarios.h>
 #include <pliant/scenarios/raft/raft.h>
+#include <pliant/scenarios/vibrate/vibrate.h>
 
 namespace pliant {
 
 std::vector<Scenario> all_scenarios() {
   return {hopper_scenario(), raft_scenario(),  clog_scenario(),    channel_scenario(),
-          pack_scenario(),   shear_scenario(), evaluate_scenario()};
+          pack_scenario(),   shear_scenario(), vibrate_scenario(), evaluate_scenario()};
 }
 
 }  // namespace pliant

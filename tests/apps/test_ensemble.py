@@ -15,7 +15,7 @@ from test_parallel import mpi_environment
 SMALL = {"n": 20, "pressure": 1e-3}
 SCENARIOS = {"pack": SMALL, "shear": {**SMALL, "strain": 2e-3},
              "hopper": {"n": 30, "t_end": 2, "hopper_width": 4, "mu": 1},
-             "clog": {"n": 15}}
+             "clog": {"n": 15}, "vibrate": {"n": 10, "box_width": 4, "cycles": 2}}
 
 
 def ensemble(folder, scenario="pack", **options):

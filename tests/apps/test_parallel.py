@@ -166,6 +166,8 @@ SOLITARY = {
     "hopper_overdamped": ("hopper", {**SOLVED, "dynamics": "overdamped"}),
     **{f"hopper_{kind}": ("hopper", {**SOLVED, "model": "rough", "ts_type": kind})
        for kind in ("rk", "verlet", "cvode", "arkode", "alpha2", "bdf", "arkimex")},
+    "vibrate": ("vibrate", {"n": 1, "box_width": 4, "cycles": 1}),
+    "vibrate_3d": ("vibrate", {"n": 1, "dim": 3, "box_width": 4, "cycles": 1}),
     "channel_disk": ("channel", DISK),
     "channel_rough": ("channel", {**DISK, "model": "rough"}),
 }

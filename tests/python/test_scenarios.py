@@ -32,6 +32,7 @@ def test_a_run_is_that_of_the_program_bit_for_bit(tmp_path, small, program):
 @pytest.mark.parametrize("name, options", [
     ("raft", {"rows": 2, "columns": 2, "n": 3, "v_wall": 1e-3, "t_end": 5}),
     ("clog", {"n": 14, "g": 0.1, "hopper_width": 1.25, "phi_c": 3e-4, "t_end": 5}),
+    ("vibrate", {"n": 8, "box_width": 4, "cycles": 1}),
     ("channel", {"channel_width": 6, "channel_arm": 12, "stroke": 3, "distribution": "bidisperse", "area_fraction": 0.5,
                  "t_end": 0.01}),
     ("hopper", {"n": 40, "hopper_wall_distance": 8, "hopper_width": 3, "t_end": 0.5, "dim": 3}),
@@ -48,6 +49,13 @@ def test_every_scenario(name, options, tmp_path, program):
             getattr(pliant, name)(**options, output=tmp_path / "python", quiet=True)
         assert f"pliant: error: {error.value}\n" == done.stderr
         pytest.fail(f"{name} {options} is no run: {done.stderr}")
+
+
+def test_figure_of_a_vibrated_container(tmp_path):
+    run = pliant.vibrate(n=8, box_width=4, cycles=3, output=tmp_path / "run", quiet=True)
+    done = subprocess.run([sys.executable, ROOT / "python/plots/series.py", run.path, "-o", tmp_path / "series.png"],
+                          capture_output=True, encoding="utf-8")
+    assert done.returncode == 0 and (tmp_path / "series.png").stat().st_size > 10_000, done.stderr
 
 
 def test_a_channel_from_a_table(tmp_path):

@@ -42,6 +42,8 @@ _LABELS = {
     "largest_overlap": "largest overlap", "largest_plunger_force": "largest force on a plunger", "plunger_work": "work of the plungers",
     "heat": "dissipated energy", "area_fraction": "area fraction", "weight": "weight of all disks", "pushes": "pushes",
     "frame_travel": "travel between frames", "opened_at": "time at which the lid opened",
+    "acceleration": "largest acceleration of the container", "mean_height": "centre of mass above the floor",
+    "fluctuation_energy": "energy of velocity fluctuations", "power": "power of the walls", "steady_cycles": "cycles in the steady state",
 }
 
 #: Columns of /series → (label, kind of unit); a kind is a key of _kinds.
@@ -53,7 +55,9 @@ _COLUMNS = {
     "top_height": ("height of the filling", "length"), "max_speed": ("largest speed", "speed"), "max_overlap": ("largest overlap", ""),
     "self_crossing_particles": ("particles with crossing outlines", ""), "dt": ("time step", "time"), "bonds": ("bonds", ""),
     "tense_bonds": ("bonds under tension", ""), "energy": ("energy", "energy"), "work": ("work of walls, reinsertion or shear", "energy"),
-    "gravity_energy": ("energy of the weight", "energy"),
+    "gravity_energy": ("energy of the weight", "energy"), "cycle": ("cycle", ""), "displacement": ("displacement of the container", "length"),
+    "mean_height": ("centre of mass above the floor", "length"), "fluctuation_energy": ("energy of velocity fluctuations", "energy"),
+    "wall_force": ("force on the container", "force"),
     "dissipated": ("dissipated energy", "energy"), "withdrawn": ("withdrawn energy", "energy"), "budget_error": ("error of the energy budget", "energy"),
     "wall_distance": ("distance of the walls", "length"), "fixed_wall_force": ("force on the fixed wall", "force"),
     "moving_wall_force": ("force on the moving wall", "force"), "fixed_wall_bonds": ("droplets bound to the fixed wall", ""),
@@ -65,7 +69,7 @@ _COLUMNS = {
 _FIRST = ("crossed_area", "kinetic_energy", "contact_pairs", "top_height", "bulk_fraction", "bonds", "wall_distance", "in_hopper", "left",
           "plunger_travel")
 _SCENARIOS = {"hopper": "hopper flow", "raft": "raft of droplets", "clog": "clog of droplets", "channel": "bent channel",
-              "pack": "jammed packing", "shear": "shear of a packing"}
+              "pack": "jammed packing", "shear": "shear of a packing", "vibrate": "vibrated container"}
 
 
 def _kinds(run):

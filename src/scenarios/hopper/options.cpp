@@ -33,26 +33,6 @@ bool contains(const Values& values, const Value& value) {
   return std::find(values.begin(), values.end(), value) != values.end();
 }
 
-/// Names that users try for quantities that are 1 here.
-void explain_units(Options& o) {
-  const auto unit = [](const char* name, const char* of) {
-    return fmt::format(
-        "{} is the unit of {}, as sigma_avg = g = rho = 1 and t0 = sqrt(sigma_avg/g): leave it out, and give the other "
-        "options in these units",
-        name, of);
-  };
-  const std::string g = unit("g", "acceleration"), rho = unit("rho", "density"),
-                    sigma = unit("sigma_avg, the mean diameter,", "length");
-  o.explain_units({{"g", g},
-                   {"gravity", g},
-                   {"rho", rho},
-                   {"density", rho},
-                   {"sigma_avg", sigma},
-                   {"sigma", sigma},
-                   {"diameter", sigma},
-                   {"t0", unit("t0", "time")}});
-}
-
 }  // namespace
 
 HopperOptions::HopperOptions(const std::vector<ModelDefinition>& own) : model(models_with(own)) {
@@ -62,7 +42,7 @@ HopperOptions::HopperOptions(const std::vector<ModelDefinition>& own) : model(mo
 
 void HopperOptions::bind(Options& o) {
   constexpr auto fixed = OnRestart::fixed;
-  explain_units(o);
+  explain_gravitational_units(o);
   model.bind(o, UnitSystem::gravitational());
   o.bind("dim", dim,
          {.help = "dimension; 3 for sp, disk, and rough (closed surfaces)",
@@ -152,18 +132,7 @@ void HopperOptions::bind(Options& o) {
           .min = 0,
           .automatic = "the velocity of the particle below the reinserted one",
           .on_restart = fixed});
-  o.bind("pack_fraction", pack_fraction,
-         {.help = "initial packing fraction (polygons count as the disks around them)",
-          .min = 0,
-          .max = 0.9,
-          .min_open = true,
-          .automatic = "0.84 in 2D, 0.64 in 3D",
-          .on_restart = fixed});
-  o.bind("pack_tolerance", pack_tolerance,
-         {.help = "largest overlap in the initial packing, divided by the contact distance",
-          .min = 1e-12,
-          .max = 0.1,
-          .on_restart = fixed});
+  bind_packing(o, pack_fraction, pack_tolerance);
   o.bind("clog_time", clog_time,
          {.help = "time without crossings and without fast particles after which the run ends",
           .unit = "t0",
@@ -267,12 +236,8 @@ void HopperOptions::resolve() {
     check_obstacles(*container, all, dim);
     container = with(std::move(all));
   }
-  if (!pack_fraction) pack_fraction = dim == 2 ? 0.84 : 0.64;
-  if (dim == 2 && shape.shape_parameter > 0 && shape.shape_parameter < regular_shape_parameter(shape.vertices))
-    throw InputError(
-        "-shape_parameter {}: no polygon of {} vertices has less than {:.6g}, the regular one's; raise it or leave it "
-        "out",
-        shape.shape_parameter, shape.vertices, regular_shape_parameter(shape.vertices));
+  if (!pack_fraction) pack_fraction = default_pack_fraction(dim);
+  if (dim == 2) check_regular_shape(shape);
   if (integrator == IntegratorKind::verlet && implicit != TermGroup::all)
     throw InputError("-implicit shape with -integrator verlet, which is explicit; use -integrator ts -ts_type arkimex");
   resolve_dissipation();
@@ -303,29 +268,14 @@ void HopperOptions::resolve() {
 }
 
 void HopperOptions::resolve_dissipation() {
-  const std::vector<const ParameterTable::Entry*> restitution = model.parameters(Role::restitution);
   const bool unknown = !model.in_catalogue();
-  if (!model.is_set(Role::drag))
-    model.set(Role::drag, unknown || !restitution.empty() || kinetic_friction() > 0 ? 0 : std::sqrt(0.1));
+  if (!model.is_set(Role::drag)) {
+    const bool dissipates = unknown || !model.parameters(Role::restitution).empty() || kinetic_friction() > 0;
+    model.set(Role::drag, dissipates ? 0 : std::sqrt(0.1));
+  }
   constexpr Real shut = 0.1;  // no particle passes so narrow an orifice
   if (unknown || flow != FlowKind::continuous || hopper.orifice < shut) return;
-  std::vector<std::string> all, raised;
-  for (const ParameterTable::Entry* entry : restitution) {
-    if (entry->value() < 1) return;
-    all.push_back(fmt::format("-{} {:g}", entry->name, entry->value()));
-  }
-  for (const Role role : {Role::friction, Role::kinetic_friction, Role::drag})
-    for (const ParameterTable::Entry* entry : model.parameters(role)) {
-      if (entry->value() > 0) return;
-      all.push_back(fmt::format("-{} 0", entry->name));
-      raised.push_back(fmt::format("-{}", entry->name));
-    }
-  throw InputError(
-      "continuous flow with {}: nothing dissipates the energy that gravity adds, so it grows without limit; {}set {}, "
-      "or use "
-      "-flow discharge",
-      fmt::join(all, ", "), restitution.empty() ? "" : fmt::format("lower -{}, or ", restitution[0]->name),
-      alternatives(raised));
+  check_dissipation(model, "continuous flow", "gravity adds", ", or use -flow discharge");
 }
 
 bool HopperOptions::drag_per_mass() const { return model.term(Drag<2>{}).law == DragLaw::per_mass; }

@@ -95,18 +95,10 @@ void PackingOptions::bind_packing_output(Options& o, const std::string& step) {
 
 void PackingOptions::refuse_unread(const Options& options) const {
   model.refuse_unread(options);
-  const auto refuse = [&](std::initializer_list<const char*> names, bool read, const std::string& unread_by) {
-    if (read) return;
-    for (const char* name : names)
-      if (options.given(name))
-        throw InputError("-{} ({}) with {}, which does not read it; leave it out", name, options.source(name),
-                         unread_by);
-  };
-  refuse({"n_vertices", "shape_parameter"}, model.deformable(), "-model " + model.name);
-  refuse({"edge_width"}, model.particles() == ModelKind::smooth, "-model " + model.name);
-  refuse({"size_ratio", "size_fraction"}, sizes.kind == "bidisperse", "-size_distribution " + sizes.kind);
-  refuse({"pre_stress"}, modes > 0, "-modes 0");
-  refuse({"size_deviation"}, sizes.kind == "normal", "-size_distribution " + sizes.kind);
+  refuse_unread_particles(options, model, sizes);
+  if (modes == 0 && options.given("pre_stress"))
+    throw InputError("-pre_stress ({}) with -modes 0, which does not read it; leave it out",
+                     options.source("pre_stress"));
 }
 
 void PackOptions::bind_path(Options& o) {

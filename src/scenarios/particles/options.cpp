@@ -1,5 +1,10 @@
 #include <pliant/scenarios/particles/options.h>
 
+#include <fmt/format.h>
+
+#include <vector>
+
+#include <pliant/base/cure.h>
 #include <pliant/base/errors.h>
 
 namespace pliant {
@@ -49,6 +54,85 @@ void bind_shape(Options& options, PolygonShape& shape) {
 void resolve_vertices(PolygonShape& shape, int dim) {
   if (shape.vertices == 0) shape.vertices = dim == 2 ? 16 : 42;
   if (shape.vertices < 3) throw InputError("-n_vertices {}: a particle needs at least 3 vertices", shape.vertices);
+}
+
+void check_regular_shape(const PolygonShape& shape) {
+  if (shape.shape_parameter > 0 && shape.shape_parameter < regular_shape_parameter(shape.vertices))
+    throw InputError(
+        "-shape_parameter {}: no polygon of {} vertices has less than {:.6g}, the regular one's; raise it or leave it "
+        "out",
+        shape.shape_parameter, shape.vertices, regular_shape_parameter(shape.vertices));
+}
+
+void refuse_unread_particles(const Options& options, const ModelChoice& model, const SizeDistribution& sizes) {
+  const auto refuse = [&](std::initializer_list<const char*> names, bool read, const std::string& unread_by) {
+    if (read) return;
+    for (const char* name : names)
+      if (options.given(name))
+        throw InputError("-{} ({}) with {}, which does not read it; leave it out", name, options.source(name),
+                         unread_by);
+  };
+  refuse({"n_vertices", "shape_parameter"}, model.deformable(), "-model " + model.name);
+  refuse({"edge_width"}, model.particles() == ModelKind::smooth, "-model " + model.name);
+  refuse({"size_ratio", "size_fraction"}, sizes.kind == "bidisperse", "-size_distribution " + sizes.kind);
+  refuse({"size_deviation"}, sizes.kind == "normal", "-size_distribution " + sizes.kind);
+}
+
+void bind_packing(Options& options, std::optional<Real>& fraction, Real& tolerance) {
+  constexpr auto fixed = OnRestart::fixed;
+  options.bind("pack_fraction", fraction,
+               {.help = "initial packing fraction (polygons count as the disks around them)",
+                .min = 0,
+                .max = 0.9,
+                .min_open = true,
+                .automatic = fmt::format("{} in 2D, {} in 3D", default_pack_fraction(2), default_pack_fraction(3)),
+                .on_restart = fixed});
+  options.bind("pack_tolerance", tolerance,
+               {.help = "largest overlap in the initial packing, divided by the contact distance",
+                .min = 1e-12,
+                .max = 0.1,
+                .on_restart = fixed});
+}
+
+Real default_pack_fraction(int dim) { return dim == 2 ? 0.84 : 0.64; }
+
+void explain_gravitational_units(Options& o) {
+  const auto unit = [](const char* name, const char* of) {
+    return fmt::format(
+        "{} is the unit of {}, as sigma_avg = g = rho = 1 and t0 = sqrt(sigma_avg/g): leave it out, and give the other "
+        "options in these units",
+        name, of);
+  };
+  const std::string g = unit("g", "acceleration"), rho = unit("rho", "density"),
+                    sigma = unit("sigma_avg, the mean diameter,", "length");
+  o.explain_units({{"g", g},
+                   {"gravity", g},
+                   {"rho", rho},
+                   {"density", rho},
+                   {"sigma_avg", sigma},
+                   {"sigma", sigma},
+                   {"diameter", sigma},
+                   {"t0", unit("t0", "time")}});
+}
+
+void check_dissipation(const ModelChoice& model, const std::string& run, const std::string& source,
+                       const std::string& otherwise) {
+  const std::vector<const ParameterTable::Entry*> restitution = model.parameters(Role::restitution);
+  std::vector<std::string> all, raised;
+  for (const ParameterTable::Entry* entry : restitution) {
+    if (entry->value() < 1) return;
+    all.push_back(fmt::format("-{} {:g}", entry->name, entry->value()));
+  }
+  for (const Role role : {Role::friction, Role::kinetic_friction, Role::drag})
+    for (const ParameterTable::Entry* entry : model.parameters(role)) {
+      if (entry->value() > 0) return;
+      all.push_back(fmt::format("-{} 0", entry->name));
+      raised.push_back(fmt::format("-{}", entry->name));
+    }
+  throw InputError("{} with {}: nothing dissipates the energy that {}, so it grows without limit; {}set {}{}", run,
+                   fmt::join(all, ", "), source,
+                   restitution.empty() ? "" : fmt::format("lower -{}, or ", restitution[0]->name), alternatives(raised),
+                   otherwise);
 }
 
 }  // namespace pliant

@@ -1,7 +1,11 @@
-// Options of sizes and shapes that scenarios share.
+// Options of particles that scenarios share.
 #pragma once
 
+#include <optional>
+#include <string>
+
 #include <pliant/base/options.h>
+#include <pliant/catalogue/model_choice.h>
 #include <pliant/setup/particles.h>
 
 namespace pliant {
@@ -13,5 +17,22 @@ void bind_sizes(Options& options, SizeDistribution& sizes);
 void bind_shape(Options& options, PolygonShape& shape);
 /// Sets a number of vertices that is 0. Errors: InputError for fewer than 3 vertices.
 void resolve_vertices(PolygonShape& shape, int dim);
+/// Errors: InputError for a shape parameter that is smaller than that of the regular polygon.
+void check_regular_shape(const PolygonShape& shape);
+/// Errors: InputError for an option of shapes or sizes that neither the model nor the distribution of sizes reads.
+void refuse_unread_particles(const Options& options, const ModelChoice& model, const SizeDistribution& sizes);
+
+/// -pack_fraction and -pack_tolerance, of the packing without overlaps at the start of a run.
+void bind_packing(Options& options, std::optional<Real>& fraction, Real& tolerance);
+/// Automatic value of -pack_fraction.
+Real default_pack_fraction(int dim);
+
+/// Explains names that users try for quantities that are 1 in the units σ_avg = g = ρ = 1.
+void explain_gravitational_units(Options& options);
+
+/// Errors: InputError if no force of the model dissipates energy. run, source: subject and cause of the message ("a
+/// vibrated container", "the walls add"); otherwise: another cure, or empty.
+void check_dissipation(const ModelChoice& model, const std::string& run, const std::string& source,
+                       const std::string& otherwise);
 
 }  // namespace pliant
