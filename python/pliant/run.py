@@ -589,7 +589,7 @@ class Run:
     @property
     def droplets(self):
         """True if lengths are in <R> and forces in the unit of f0, not in sigma_avg and rho g sigma_avg^D."""
-        return self.model == "bubble"
+        return self.model == "bubble" and self.scenario not in ("pack", "shear")
 
     @property
     def dim(self):

@@ -30,7 +30,8 @@ template <int D>
 ContactsOfPairs<D> find_contacts(const ForceField<D>& field, const StateView<D>& s) {
   ContactsOfPairs<D> found;
   field.for_each_contact(s, [&](const Contact<D>& c) {
-    if (c.overlap > 0 && c.first != c.second) add(found[std::minmax(c.first, c.second)], c);
+    const bool pushes = c.overlap > 0, pulls = c.force.dot(c.normal) < 0;
+    if ((pushes || pulls) && c.first != c.second) add(found[std::minmax(c.first, c.second)], c);
   });
   return found;
 }

@@ -18,9 +18,10 @@ struct TouchingPair {
   Index contacts;       ///< contacts of points
 };
 
-/// Contacts without overlap do not count (droplets attract each other at a distance). A place where two particles touch
-/// counts once: a vertex of a smooth polygon at a vertex of another is one contact, though both touch the edges of the
-/// other. A vertex of a rough polygon that touches two vertices and the edge between them has three contacts.
+/// Contacts with an overlap count, and bonds of droplets that attract each other at a distance. A place where two
+/// particles touch counts once: a vertex of a smooth polygon at a vertex of another is one contact, though both touch
+/// the edges of the other. A vertex of a rough polygon that touches two vertices and the edge between them has three
+/// contacts.
 ///
 /// A rattler is a particle that its contacts cannot hold: a soft particle with fewer than D + 1 contacts, a polygon
 /// with fewer than two touching particles or fewer than three contacts. Contacts of rattlers do not count, so that

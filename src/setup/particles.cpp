@@ -189,11 +189,12 @@ Topology make_surfaces(ModelKind kind, const std::vector<Real>& diameters, const
 }  // namespace
 
 Topology make_particles(ModelKind kind, int dim, const std::vector<Real>& diameters, const PolygonShape& shape) {
-  if (dim == 3 && kind != ModelKind::sp && kind != ModelKind::disk) return make_surfaces(kind, diameters, shape);
+  const bool soft = kind == ModelKind::sp || kind == ModelKind::disk || kind == ModelKind::bubble;
+  if (dim == 3 && !soft) return make_surfaces(kind, diameters, shape);
   Topology topology;
   topology.dim = dim;
   for (const Real sigma : diameters) {
-    if (kind == ModelKind::sp || kind == ModelKind::disk) {
+    if (soft) {
       topology.add_soft(sigma, dim == 2 ? pi * square(sigma) / 4 : pi * sigma * square(sigma) / 6);
       continue;
     }

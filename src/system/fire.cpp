@@ -74,7 +74,7 @@ FireResult fire(std::span<Real> x_in, std::span<const Real> mass, const EnergyAn
       return finish(FireStop::force,
                     fmt::format("largest force {:.3g} within {:.3g}", result.max_force, o.force_tolerance));
     }
-    if (with_energy && result.energy <= o.energy_tolerance)
+    if (with_energy && std::abs(result.energy) <= o.energy_tolerance)
       return finish(FireStop::energy, fmt::format("energy {:.3g} within {:.3g}", result.energy, o.energy_tolerance));
     if (with_energy && o.done && o.done(x.data())) return finish(FireStop::done, "done");
     if (result.iterations == o.max_iterations)

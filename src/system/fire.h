@@ -19,7 +19,7 @@ struct FireOptions {
   Real dt_max = 1e-1;            ///< largest step: below 2/ω of the stiffest mode, about 1/ω works best
   Real dt_min = 0;               ///< smallest step; 0: 0.02 dt
   Real force_tolerance = 1e-10;  ///< stop when no component of the force is larger; 0 switches the test off
-  Real energy_tolerance = -std::numeric_limits<Real>::infinity();  ///< stop when the energy is this or less
+  Real energy_tolerance = -std::numeric_limits<Real>::infinity();  ///< stop when |energy| is this or less
   std::function<bool(const Real* x)> done = nullptr;               ///< stops if it returns true; called with the energy
   std::int64_t max_iterations = 100000;
   /// Writes the force alone, if that is cheaper: the energy is then computed in every tenth iteration only.

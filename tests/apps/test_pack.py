@@ -71,6 +71,46 @@ def test_polygons(tmp_path):
     assert s["touching_pairs"] > 6
 
 
+def droplet_energy(centres, radii, length, f0, phi_c, a_s):
+    """Energy of droplets in a square or cubic box [T 2.1, 2.4], and whether pairs interact."""
+    i, j = np.triu_indices(len(radii), 1)
+    apart = centres[i] - centres[j]
+    r = np.linalg.norm(apart - length * np.round(apart / length), axis=1)
+    s, reach = radii[i] + radii[j], radii[i] + radii[j] + 2 * a_s
+    A, B = radii[i] + a_s, radii[j] + a_s
+    lens = np.where(r < reach, np.pi * (A + B - r)**2 * (r**2 + 2 * r * (A + B) - 3 * (A - B)**2) / (12 * r), 0)
+    return (f0 * np.maximum(0, s - r)**2 / (2 * s)).sum() - phi_c / (8 * a_s**3) * lens.sum(), r < reach
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_droplets(dim, tmp_path):
+    """Energy, force and pressure of the packing from the published formulas; attraction holds droplets without a load."""
+    law = {"f0": 2, "phi_c": 2e-3, "a_s": 0.08}
+    run = pack(tmp_path / "run", model="bubble", dim=dim, n=40, pressure=1e-7, start_pressure=1e-2, steps_per_decade=2, **law)
+    frame, radii = run.frames[-1], run.topology["sigma"] / 2
+    length = frame["box"][1, 0]
+    energy, bound = droplet_energy(frame["centres"], radii, length, **law)
+    assert run.series["energy"][-1] == pytest.approx(energy, rel=1e-10) and energy < 0
+    h = 1e-5
+    of_strain = [droplet_energy(frame["centres"] * (1 + k * h), radii, length * (1 + k * h), **law)[0] for k in (-1, 1)]
+    pressure = -(of_strain[1] - of_strain[0]) / (2 * h) / dim / length**dim
+    assert run.series["pressure"][-1] == pytest.approx(1e-7, rel=1e-3) and pressure == pytest.approx(1e-7, abs=1e-9)
+    for k in range(dim):
+        shifts = []
+        for step in (-h, h):
+            moved = frame["centres"].copy()
+            moved[0, k] += step
+            shifts.append(droplet_energy(moved, radii, length, **law)[0])
+        assert shifts[1] - shifts[0] == pytest.approx(0, abs=2 * h * 1e-7)
+    assert 0.9 * bound.sum() < run.summary["contacts"] <= bound.sum()  # bonds in tension are contacts
+
+
+def test_droplets_that_attraction_presses_into_each_other_are_refused(tmp_path):
+    for phi_c, message in ((1e-3, "droplets do not rest"), (5e-4, "lower -phi_c, now 0.0005")):
+        result = pliant("pack", output=tmp_path / str(phi_c), model="bubble", phi_c=phi_c)
+        assert result.returncode == 2 and message in result.stderr, result.stderr
+
+
 def test_moduli_and_modes(tmp_path):
     """−V ∂p/∂V between two packings with the same contacts; translations are zero modes, the packing is stable."""
     run = pack(tmp_path / "run", pressure=0.0098, start_pressure=0.01, moduli="yes", modes=64)

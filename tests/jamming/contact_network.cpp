@@ -109,16 +109,22 @@ TEST_CASE("contacts with forces far below the typical one do not count", "[conta
   CHECK(strong.touching() < all.touching());
 }
 
-TEST_CASE("droplets that attract each other at a distance do not touch", "[contact_network]") {
+TEST_CASE("bonds of droplets that attract each other at a distance are contacts", "[contact_network]") {
   Configuration<2> c;
-  for (const Real distance : {0.0, 1.02, 2.0}) c.add_droplet(0.5, {distance, 0});
+  for (const Real distance : {0.0, 1.02, 2.04, 3.3}) c.add_droplet(0.5, {distance, 0});
   auto system = system_of<2>(c, ModelKind::bubble);
+  Real force = 0;
   Index in_range = 0;
-  const StateView<2> s = system.view(c.x.data(), nullptr);
-  system.field().for_each_contact(s, [&](const Contact<2>&) { ++in_range; });
+  system.field().for_each_contact(system.view(c.x.data(), nullptr), [&](const Contact<2>& bond) {
+    CHECK(bond.overlap < 0);
+    CHECK(bond.force.dot(bond.normal) < 0);
+    force = bond.force.norm();
+    ++in_range;
+  });
   REQUIRE(in_range == 2);
-  c.x[2] = 1;
-  CHECK(contact_network<2>(system, c.x).typical_force == 0);
+  const auto network = contact_network<2>(system, c.x);
+  CHECK(network.typical_force == Approx(force));
+  CHECK(network.rattlers.size() == 4);  // a droplet needs three bonds
 }
 
 TEST_CASE("polygons need two neighbours and three contacts", "[contact_network]") {

@@ -58,16 +58,14 @@ void check_outlines(ParticleSystem<D>& system, const Real* x, std::string_view w
 }
 
 template <int D>
-void check_overlaps(ParticleSystem<D>& system, const Real* x) {
+void check_overlaps(ParticleSystem<D>& system, const Real* x, std::string_view cure) {
   if (system.topology().deformable()) return;
   const StateView<D> s = system.view(x, nullptr);
   system.field().for_each_contact(s, [&](const Contact<D>& c) {
     const Real radius = std::min(s.topology.sigma[c.first], s.topology.sigma[c.second]) / 2;
     if (c.overlap * c.reach > radius)
-      throw InputError(
-          "particles {} and {} overlap by {:.0f} % of the smaller radius at the minimum; begin with a lower fraction "
-          "(-fraction) or pressure",
-          s.topology.id[c.first], s.topology.id[c.second], 100 * c.overlap * c.reach / radius);
+      throw InputError("particles {} and {} overlap by {:.0f} % of the smaller radius at the minimum; {}",
+                       s.topology.id[c.first], s.topology.id[c.second], 100 * c.overlap * c.reach / radius, cure);
   });
 }
 
@@ -75,8 +73,8 @@ template std::pair<Topology, ParticleSystem<2>> particles_in_box<2>(const Packin
 template std::pair<Topology, ParticleSystem<3>> particles_in_box<3>(const PackingOptions&, const Ranks&);
 template Real packing_fraction<2>(const ParticleSystem<2>&, const Real*);
 template Real packing_fraction<3>(const ParticleSystem<3>&, const Real*);
-template void check_overlaps<2>(ParticleSystem<2>&, const Real*);
-template void check_overlaps<3>(ParticleSystem<3>&, const Real*);
+template void check_overlaps<2>(ParticleSystem<2>&, const Real*, std::string_view);
+template void check_overlaps<3>(ParticleSystem<3>&, const Real*, std::string_view);
 template void check_outlines<2>(ParticleSystem<2>&, const Real*, std::string_view, std::string_view);
 template void check_outlines<3>(ParticleSystem<3>&, const Real*, std::string_view, std::string_view);
 

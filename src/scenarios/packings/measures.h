@@ -24,17 +24,17 @@ Real packing_fraction(const ParticleSystem<D>& system, const Real* x);
 template <int D>
 void check_outlines(ParticleSystem<D>& system, const Real* x, std::string_view when, std::string_view cure);
 
-/// Errors: InputError where soft particles overlap by more than the smaller radius: their contacts then reach beyond
-/// the neighbours.
+/// Errors: InputError, with the advice `cure`, where soft particles overlap by more than the smaller radius: their
+/// contacts then reach beyond the neighbours.
 template <int D>
-void check_overlaps(ParticleSystem<D>& system, const Real* x);
+void check_overlaps(ParticleSystem<D>& system, const Real* x, std::string_view cure);
 
 extern template std::pair<Topology, ParticleSystem<2>> particles_in_box<2>(const PackingOptions&, const Ranks&);
 extern template std::pair<Topology, ParticleSystem<3>> particles_in_box<3>(const PackingOptions&, const Ranks&);
 extern template Real packing_fraction<2>(const ParticleSystem<2>&, const Real*);
 extern template Real packing_fraction<3>(const ParticleSystem<3>&, const Real*);
-extern template void check_overlaps<2>(ParticleSystem<2>&, const Real*);
-extern template void check_overlaps<3>(ParticleSystem<3>&, const Real*);
+extern template void check_overlaps<2>(ParticleSystem<2>&, const Real*, std::string_view);
+extern template void check_overlaps<3>(ParticleSystem<3>&, const Real*, std::string_view);
 extern template void check_outlines<2>(ParticleSystem<2>&, const Real*, std::string_view, std::string_view);
 extern template void check_outlines<3>(ParticleSystem<3>&, const Real*, std::string_view, std::string_view);
 

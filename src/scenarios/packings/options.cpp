@@ -8,6 +8,7 @@
 
 #include <pliant/base/cure.h>
 #include <pliant/base/errors.h>
+#include <pliant/catalogue/droplet_rest.h>
 #include <pliant/scenarios/particles/options.h>
 
 namespace pliant {
@@ -15,10 +16,11 @@ namespace {
 
 std::vector<ModelDefinition> models() {
   std::vector<ModelDefinition> all;
-  for (const ModelKind kind : {ModelKind::sp, ModelKind::rough, ModelKind::smooth})
+  for (const ModelKind kind : {ModelKind::sp, ModelKind::rough, ModelKind::smooth, ModelKind::bubble})
     all.push_back(catalogue_model(kind));
   for (ModelDefinition& model : all)
-    if (model.particles != ModelKind::sp) model.space = {};  // packings of surfaces do not exist yet
+    if (model.particles == ModelKind::rough || model.particles == ModelKind::smooth)
+      model.space = {};  // packings of surfaces do not exist yet
   return all;
 }
 
@@ -31,6 +33,8 @@ PackingOptions::PackingOptions(std::initializer_list<std::string_view> unused) :
   model.set_default(Role::area, 10.0);
   model.set_default(Role::perimeter, 1.0);
   model.set_default(Role::bending, 0.0);
+  model.set_default(Role::contact_force, 1.0);
+  model.keep(Role::mean_radius);  // of walls
   frame_interval = sample_interval = 1;
 }
 
@@ -41,7 +45,7 @@ void PackingOptions::bind_particles(Options& o) {
                    {"eps", "eps is the unit of energy, in which contact energies are given: leave it out"}});
   model.bind(o, UnitSystem::static_packings());
   o.bind("dim", dim,
-         {.help = "dimension; 2 for deformable particles",
+         {.help = "dimension; 3 for sp and bubble",
           .min = 2,
           .max = 3,
           .cures = {{Cure::two_dimensions, "2"}, {Cure::three_dimensions, "3"}},
@@ -144,6 +148,9 @@ void PackOptions::bind(Options& o) {
 void PackOptions::resolve() {
   if (dim == 3 && !model.model().space)
     throw InputError("-model {} does not exist in 3D; use {}", model.name, cures({Cure::two_dimensions}));
+  if (model.particles() == ModelKind::bubble)  // refuses attraction that is stronger than the contact force
+    for (const Real sigma : {sizes.smallest(), sizes.largest()})
+      droplets_at_rest(model.term(BubbleContact<2>{}).law, model.term(Depletion<2>{}).law, sigma / 2, sigma / 2);
   if (modes > points() * dim)
     throw InputError("-modes {}: {} points in {}D have {} modes; give fewer", modes, points(), dim, points() * dim);
   if (!fraction) {
@@ -245,6 +252,8 @@ void ShearOptions::resolve() {
   PackOptions::resolve();
   if (path == PackingPath::compress)
     throw InputError("-path compress makes an unknown number of packings; use decompress or quench");
+  if (rate && model.particles() == ModelKind::bubble)
+    throw InputError("-shear_rate with -model bubble: droplets have no inertia; leave it out for quasistatic steps");
   if (!strain) strain = rate ? 10 : 0.1;
   sample_interval = samples_.value_or(rate ? 0.01 / *rate : 1);
   frame_interval = frames_.value_or(rate ? 0.2 / *rate : 1);

@@ -29,14 +29,14 @@ std::unique_ptr<Simulation<D>> make_simulation(const PackingOptions& p, const Ra
   return std::make_unique<Simulation<D>>(std::move(all), std::move(particles), Sorting::at_start);
 }
 
-/// The disks that hold the polygons: outlines that cross could not be parted by their contacts. Errors: InputError
-/// where the disks overlap by so much that the polygons might cross.
+/// Pushes apart the disks (spheres) that hold the particles, if contacts of the particles could not: outlines that
+/// cross, and droplets that have swallowed others. Errors: InputError if overlaps, over the contact distance, remain
+/// that are larger than `most`.
 template <int D>
-void push_disks_apart(const Topology& polygons, const Box<D>& box, std::vector<Real>& centres) {
-  constexpr Real most = 0.1;  // overlap over the contact distance
+void push_disks_apart(const Topology& particles, const Box<D>& box, Real most, std::vector<Real>& centres) {
   Topology disks;
   disks.dim = D;
-  for (Index m = 0; m < polygons.particles(); ++m) disks.add_soft(2 * outer_radius(polygons, m), 1);
+  for (Index m = 0; m < particles.particles(); ++m) disks.add_soft(2 * outer_radius(particles, m), 1);
   ParticleSystem<D> system(
       std::move(disks), {},
       make_force_field<D>(ModelKind::sp, ParameterValues{{Role::contact_energy, 1.0}, {Role::wall_energy, 1.0}}), 0.3,
@@ -48,7 +48,7 @@ void push_disks_apart(const Topology& polygons, const Box<D>& box, std::vector<R
   system.field().for_each_contact(system.view(centres.data(), nullptr), [&](const Contact<D>& c) {
     if (c.overlap > most)
       throw InputError(
-          "the disks around polygons {} and {} overlap by {:.2g} of their contact distance at the start; begin with a "
+          "the disks around particles {} and {} overlap by {:.2g} of their contact distance at the start; begin with a "
           "lower fraction (-fraction)",
           system.topology().id[c.first], system.topology().id[c.second], c.overlap);
   });
@@ -92,7 +92,9 @@ std::vector<Real> PackingProtocol<D>::start() {
   std::vector<Real> centres;
   for (std::uint64_t k = 0; k < static_cast<std::uint64_t>(all.particles()) * D; ++k)
     centres.push_back(box.length()[k % D] * rng::uniform(seed, stream::placement, k));
-  if (all.deformable()) push_disks_apart(all, box, centres);
+  // Outlines of polygons might cross where their disks overlap; droplets may overlap by less than a radius.
+  if (all.deformable()) push_disks_apart(all, box, 0.1, centres);
+  if (p_.model.particles() == ModelKind::bubble) push_disks_apart(all, box, 0.5, centres);
   std::vector<Real> x(static_cast<std::size_t>(all.points()) * D);
   for (Index m = 0; m < all.particles(); ++m)
     place_particle(all, m, &centres[static_cast<std::size_t>(m) * D],
@@ -183,7 +185,12 @@ void PackingProtocol<D>::finish() {
   check_outlines<D>(
       this->particles(), x().data(), "at the minimum",
       "begin with a lower fraction (-fraction) or pressure, or raise the stiffness of the particles' shape");
-  check_overlaps<D>(this->particles(), x().data());
+  const Real attraction = p_.model.value(Role::attraction);
+  check_overlaps<D>(
+      this->particles(), x().data(),
+      fmt::format(
+          "{}begin with a lower fraction (-fraction) or pressure",
+          attraction > 0 ? fmt::format("lower {}, now {:g}, or ", p_.model.option(Role::attraction), attraction) : ""));
   analyse();
   this->particles().wrap(this->state());
   this->particles().rebuild(x().data());
