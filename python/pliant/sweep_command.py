@@ -32,7 +32,8 @@ _EPILOG = """examples:
   pliant-sweep widths.csv --status
   pliant-sweep widths.csv --slurm && sbatch widths/slurm.sh
 
-exit codes: 0 all rows are done, 2 bad table, 3 rows failed, 4 output failed, 75 rows are left: run the same again"""
+exit codes: 0 all rows are done, 2 bad table, 3 rows failed, 4 output failed, 6 another sweep works in the folder and one
+of the two has --ensembles, 75 rows are left: run the same again"""
 
 
 def find_program(given):
