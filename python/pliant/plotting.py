@@ -226,7 +226,7 @@ def set_view(axes, run, box):
 
 
 def draw_walls(axes, run, frame):
-    """The walls at the frame's time as thick lines, upright ones of a hopper prolonged to the top of the view."""
+    """The walls at the frame's time as thick lines, vertical ones of a hopper prolonged to the top of the view."""
     lines = wall_lines(run, frame, axes.get_ylim()[1])
     return axes.add_collection(LineCollection(lines, colors=WALL, linewidths=3.5, capstyle="round", zorder=1))
 

@@ -108,7 +108,7 @@ class Geometry:
 
     segments: np.ndarray  #: [S, 4] x1 y1 x2 y2
     radius: np.ndarray    #: [S] of disks, which have their centre twice; 0: a segment
-    W: float              #: distance of the upright walls
+    W: float              #: distance of the vertical walls
     w: float              #: width of the orifice
     angle: float          #: degrees; NaN for a container with a user-defined outline
     kind: str             #: hopper2d or hopper3d

@@ -152,7 +152,7 @@ class Box:
 class Container:
     """A hopper, with obstacles: its walls, and a dense packing in it.
 
-    width: width of the orifice, which is centred at the origin; wall_distance: distance of the upright walls; angle:
+    width: width of the orifice, which is centred at the origin; wall_distance: distance of the vertical walls; angle:
     angle of the sloped walls to gravity, in degrees. obstacles: ("disk", centre, radius) or ("polygon", corners). In 3D
     these are meridians (ρ, z).
     """
@@ -184,7 +184,7 @@ class Container:
 
     @property
     def inflow(self) -> tuple[float, float]:
-        """Least and largest x between the upright walls."""
+        """Least and largest x between the vertical walls."""
         return self._core.inflow
 
 

@@ -72,7 +72,7 @@ std::vector<SeriesValue> DropletProtocol::sample() {
   const Real speed = max_speed();
   const StateView<2> s = view();
   const ForceField<2>& field = particles().field();
-  const std::string cure = "lower -dt or the tolerances (-ts_rtol, -ts_atol), or slow walls or gravity";
+  const std::string cure = "lower -dt or the tolerance (-ts_atol), or slow walls or gravity";
   if (const Real deepest = check_walls_hold(s, step_taken(), Ranks(), cure); deepest > passing_overlap)
     throw NumericalError("a droplet overlaps a wall by {:.3g} radii: it passes through the wall; {}", deepest, cure);
   Real bonds = 0, tense = 0;

@@ -91,7 +91,7 @@ void HopperOptions::bind(Options& o) {
           .automatic = "as -hopper_angle",
           .on_restart = fixed});
   o.bind("hopper_wall_distance", wall_distance,
-         {.help = "distance W of the upright walls (3D: diameter)",
+         {.help = "distance W of the vertical walls (3D: diameter)",
           .unit = "sigma_avg",
           .min = 0,
           .min_open = true,
@@ -243,10 +243,10 @@ void HopperOptions::resolve() {
   resolve_dissipation();
   resolve_clog_speed();
   if (dynamics == Dynamics::overdamped) {
-    if (integrator != IntegratorKind::ts)
-      throw InputError("-dynamics overdamped with -integrator verlet, which needs inertia; use -integrator ts");
     if (model.particles() == ModelKind::disk)
       throw InputError("-dynamics overdamped with -model disk, which needs inertia; use -dynamics inertial");
+    if (integrator != IntegratorKind::ts)
+      throw InputError("-dynamics overdamped with -integrator verlet, which needs inertia; use -integrator ts");
     if (!(drag() > 0))
       throw InputError(
           "-dynamics overdamped with {0} {1}: velocities come from drag, which must be positive; use {0} 1",

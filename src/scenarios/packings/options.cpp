@@ -100,25 +100,28 @@ void PackingOptions::bind_packing_output(Options& o, const std::string& step) {
 void PackingOptions::refuse_unread(const Options& options) const {
   model.refuse_unread(options);
   refuse_unread_particles(options, model, sizes);
-  if (modes == 0 && options.given("pre_stress"))
-    throw InputError("-pre_stress ({}) with -modes 0, which does not read it; leave it out",
-                     options.source("pre_stress"));
+  if (modes == 0) refuse_unread_by("-modes 0", options, {"pre_stress"});
 }
 
-void PackOptions::bind_path(Options& o) {
+void PackOptions::bind_path(Options& o, bool compresses) {
   constexpr auto fixed = OnRestart::fixed;
   bind_particles(o);
   o.group("Packing");
-  o.bind(
-      "path", path,
-      {{"decompress", PackingPath::decompress}, {"compress", PackingPath::compress}, {"quench", PackingPath::quench}},
-      {.help = "lower the pressure in steps, raise the fraction in steps, or find one minimum", .on_restart = fixed});
+  using enum PackingPath;
+  using Paths = std::vector<std::pair<std::string, PackingPath>>;
+  o.bind("path", path,
+         compresses ? Paths{{"decompress", decompress}, {"compress", compress}, {"quench", quench}}
+                    : Paths{{"decompress", decompress}, {"quench", quench}},
+         {.help = compresses ? "lower the pressure in steps, raise the fraction in steps, or find one minimum"
+                             : "lower the pressure in steps, or find one minimum",
+          .on_restart = fixed});
   o.bind("fraction", fraction,
          {.help = "area or volume fraction of the random start",
           .min = 1e-3,
           .max = 3,
           .max_open = true,
-          .automatic = "soft particles: 0.9 (3D: 0.7), compress: 0.5 (3D: 0.3); polygons: 0.65 (disks around them)",
+          .automatic = fmt::format("soft particles: 0.9 (3D: 0.7){}; polygons: 0.65 (disks around them)",
+                                   compresses ? ", compress: 0.5 (3D: 0.3)" : ""),
           .on_restart = fixed});
   o.bind("pressure", pressure,
          {.help = "pressure of the last packing", .unit = "eps/sigma_avg^d", .min = 0, .min_open = true});
@@ -130,16 +133,17 @@ void PackOptions::bind_path(Options& o) {
           .on_restart = fixed});
   o.bind("steps_per_decade", per_decade,
          {.help = "decompress: pressures for each factor of ten", .min = 1, .max = 1000, .on_restart = fixed});
-  o.bind("fraction_step", fraction_step,
-         {.help = "compress: growth of the fraction in a step",
-          .min = 0,
-          .max = 0.1,
-          .min_open = true,
-          .on_restart = fixed});
+  if (compresses)
+    o.bind("fraction_step", fraction_step,
+           {.help = "compress: growth of the fraction in a step",
+            .min = 0,
+            .max = 0.1,
+            .min_open = true,
+            .on_restart = fixed});
 }
 
 void PackOptions::bind(Options& o) {
-  bind_path(o);
+  bind_path(o, true);
   bind_minimisation(o);
   bind_analysis(o);
   bind_packing_output(o, "packings");
@@ -178,6 +182,22 @@ std::vector<Real> PackOptions::pressures() const {
   return all;
 }
 
+void PackOptions::refuse_unread(const Options& options) const {
+  PackingOptions::refuse_unread(options);
+  refuse_unread_by_path(options);
+  if (path == PackingPath::quench) refuse_unread_by("-path quench", options, {"pressure"});
+  if (path != PackingPath::compress) refuse_unread_by("-path " + path_name(), options, {"fraction_step"});
+}
+
+void PackOptions::refuse_unread_by_path(const Options& options) const {
+  if (path != PackingPath::decompress)
+    refuse_unread_by("-path " + path_name(), options, {"start_pressure", "steps_per_decade"});
+}
+
+std::string PackOptions::path_name() const {
+  return path == PackingPath::decompress ? "decompress" : path == PackingPath::compress ? "compress" : "quench";
+}
+
 std::string PackOptions::path_text() const {
   const std::string_view name = path == PackingPath::decompress ? "decompression"
                                 : path == PackingPath::compress ? "compression"
@@ -194,7 +214,7 @@ ShearOptions::ShearOptions() : PackOptions({"friction", "wall", "lip"}) {
 
 void ShearOptions::bind(Options& o) {
   constexpr auto fixed = OnRestart::fixed;
-  bind_path(o);
+  bind_path(o, false);
   o.group("Shear");
   o.bind("shear_rate", rate,
          {.help = "steady shear at this rate, with drag relative to the flow",
@@ -250,8 +270,6 @@ void ShearOptions::bind(Options& o) {
 
 void ShearOptions::resolve() {
   PackOptions::resolve();
-  if (path == PackingPath::compress)
-    throw InputError("-path compress makes an unknown number of packings; use decompress or quench");
   if (rate && model.particles() == ModelKind::bubble)
     throw InputError("-shear_rate with -model bubble: droplets have no inertia; leave it out for quasistatic steps");
   if (!strain) strain = rate ? 10 : 0.1;
@@ -266,6 +284,9 @@ void ShearOptions::resolve() {
 
 void ShearOptions::refuse_unread(const Options& options) const {
   PackingOptions::refuse_unread(options);
+  refuse_unread_by_path(options);
+  if (path == PackingPath::quench && control == ShearControl::volume)
+    refuse_unread_by("-path quench and -control volume", options, {"pressure"});
   const auto refuse = [&](const std::vector<std::string>& names, std::string_view reason) {
     for (const std::string& name : names)
       if (options.given(name)) throw InputError("-{} ({}) {}; leave it out", name, options.source(name), reason);

@@ -53,11 +53,19 @@ struct PackOptions : PackingOptions {
 
   void bind(Options& options);
   void resolve();
-  void bind_path(Options& options);  ///< the groups before "Minimisation"
+  /// The groups before "Minimisation". compresses: whether the path may be `compress`, whose number of packings is
+  /// unknown at the start.
+  void bind_path(Options& options, bool compresses);
   /// The pressures of a decompression, the last one of a compression, or none.
   std::vector<Real> pressures() const;
   /// The path in a title.
   std::string path_text() const;
+  /// Errors: InputError for options that the model or the path does not read.
+  void refuse_unread(const Options& options) const;
+
+ protected:
+  void refuse_unread_by_path(const Options& options) const;
+  std::string path_name() const;
 };
 
 enum class ShearControl { volume, pressure };
@@ -76,7 +84,7 @@ struct ShearOptions : PackOptions {
   std::optional<Real> dt;
 
   void bind(Options& options);
-  /// Errors: InputError as of PackOptions, and for a path that does not end at a known packing.
+  /// Errors: InputError as of PackOptions.
   void resolve();
   /// Errors: InputError, also for options that only the other kind of shear reads.
   void refuse_unread(const Options& options) const;

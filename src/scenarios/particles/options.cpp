@@ -64,18 +64,18 @@ void check_regular_shape(const PolygonShape& shape) {
         shape.shape_parameter, shape.vertices, regular_shape_parameter(shape.vertices));
 }
 
+void refuse_unread_by(const std::string& by, const Options& options, std::initializer_list<const char*> names) {
+  for (const char* name : names)
+    if (options.given(name))
+      throw InputError("-{} ({}) with {}, which does not read it; leave it out", name, options.source(name), by);
+}
+
 void refuse_unread_particles(const Options& options, const ModelChoice& model, const SizeDistribution& sizes) {
-  const auto refuse = [&](std::initializer_list<const char*> names, bool read, const std::string& unread_by) {
-    if (read) return;
-    for (const char* name : names)
-      if (options.given(name))
-        throw InputError("-{} ({}) with {}, which does not read it; leave it out", name, options.source(name),
-                         unread_by);
-  };
-  refuse({"n_vertices", "shape_parameter"}, model.deformable(), "-model " + model.name);
-  refuse({"edge_width"}, model.particles() == ModelKind::smooth, "-model " + model.name);
-  refuse({"size_ratio", "size_fraction"}, sizes.kind == "bidisperse", "-size_distribution " + sizes.kind);
-  refuse({"size_deviation"}, sizes.kind == "normal", "-size_distribution " + sizes.kind);
+  const std::string by_model = "-model " + model.name, by_sizes = "-size_distribution " + sizes.kind;
+  if (!model.deformable()) refuse_unread_by(by_model, options, {"n_vertices", "shape_parameter"});
+  if (model.particles() != ModelKind::smooth) refuse_unread_by(by_model, options, {"edge_width"});
+  if (sizes.kind != "bidisperse") refuse_unread_by(by_sizes, options, {"size_ratio", "size_fraction"});
+  if (sizes.kind != "normal") refuse_unread_by(by_sizes, options, {"size_deviation"});
 }
 
 void bind_packing(Options& options, std::optional<Real>& fraction, Real& tolerance) {

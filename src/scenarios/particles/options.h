@@ -1,6 +1,7 @@
 // Options of particles that scenarios share.
 #pragma once
 
+#include <initializer_list>
 #include <optional>
 #include <string>
 
@@ -19,6 +20,8 @@ void bind_shape(Options& options, PolygonShape& shape);
 void resolve_vertices(PolygonShape& shape, int dim);
 /// Errors: InputError for a shape parameter that is smaller than that of the regular polygon.
 void check_regular_shape(const PolygonShape& shape);
+/// Errors: InputError if the user has given one of these options, which `by` ("-path quench") does not read.
+void refuse_unread_by(const std::string& by, const Options& options, std::initializer_list<const char*> names);
 /// Errors: InputError for an option of shapes or sizes that neither the model nor the distribution of sizes reads.
 void refuse_unread_particles(const Options& options, const ModelChoice& model, const SizeDistribution& sizes);
 

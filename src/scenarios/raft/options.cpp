@@ -52,7 +52,7 @@ void RaftOptions::bind(Options& o) {
           .automatic = "compression: smallest without attraction to the walls; extension: at rest",
           .on_restart = fixed});
   o.bind("rows_end", rows_end,
-         {.help = "compression ends at the rest distance of this number of rows", .min = 1, .max = 10000});
+         {.help = "-motion compression: ends at the rest distance of this number of rows", .min = 1, .max = 10000});
   o.bind("end_distance", end_distance,
          {.help = "distance of the walls at the end",
           .unit = "R",
