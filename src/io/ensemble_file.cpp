@@ -60,12 +60,16 @@ std::vector<StoredMember> EnsembleFile::members() const {
 }
 
 void EnsembleFile::add(const StoredMember& member, std::string_view image) {
-  auto group = file_.create_unlinked_group();
+  const std::string name = fmt::format("{:06}", member.number);
+  auto members = file_.open_group(members_name);
+  if (members.has(name)) members.remove(name);
+  // Linked before it has content: HDF5 1.10 loses links of a group without a name if a large copy displaces the group
+  // from the metadata cache. Nothing is in the file before flush().
+  auto group = members.create_group(name);
   group.set_attribute("number", static_cast<std::int64_t>(member.number));
   group.write_text("summary", member.summary.dump());
   if (!image.empty()) group.copy_content(image);
-  auto members = file_.open_group(members_name);
-  members.link(group, fmt::format("{:06}", member.number));
+  group.count_members();
   members.count_members();
 }
 

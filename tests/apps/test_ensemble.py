@@ -36,6 +36,24 @@ def values(group, skip=("manifest", "summary")):
     return found
 
 
+def test_a_member_with_hundreds_of_frames_is_whole(tmp_path):
+    """A copy of so many objects displaces the member's group from the cache of HDF5."""
+    options = {"n": 10, "hopper_wall_distance": 8, "hopper_width": 3, "pack_fraction": 0.8, "t_end": 30, "frame_interval": 0.05}
+    result = pliant("hopper", output=tmp_path / "all", ensemble=2, **options)
+    assert result.returncode == 0, result.stderr
+    assert pliant("hopper", output=tmp_path / "one", seed=2, **options).returncode == 0
+    with h5py.File(tmp_path / "all/ensemble.h5") as file, h5py.File(tmp_path / "one/run.h5") as run:
+        for member in file["members"].values():
+            assert len(member["frames"]) == 601 and member.attrs["members"] == len(member)
+        copied, alone = values(file["members/000001"]), values(run)
+    assert copied.keys() == alone.keys() and all(same(copied[name], alone[name]) for name in alone)
+    with h5py.File(tmp_path / "all/ensemble.h5", "r+") as file:
+        del file["members/000001/series"]
+    pliant_python = pytest.importorskip("pliant")
+    with pytest.raises(pliant_python.RunError, match="parts of run 1 are missing"):
+        pliant_python.Ensemble(tmp_path / "all")[1]
+
+
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_members_equal_single_runs(scenario, tmp_path):
     ensemble(tmp_path / "all", scenario, ensemble_workers=3, seed=5)
