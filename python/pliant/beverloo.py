@@ -231,7 +231,7 @@ def fit_groups(table, by, beta=None, **options):
 
 def fit_table(table, beta=None):
     """One row per group of runs of a sweep table that differ in the width and the seed alone, as of fit_groups, with data (its
-    rows) and label (the group's name in a legend). `table` must have model, dim, mu and zeta."""
+    rows) and label (the group's name in a legend). `table` must have model ("" if unknown), dim, mu and zeta (NaN if unknown)."""
     table = table.copy()
     for column in set(_PHYSICS) & set(table):
         table[column] = table[column].where([symbols.reads(model, column) for model in table["model"]])
@@ -241,7 +241,7 @@ def fit_table(table, beta=None):
     fits["data"] = [group for _, group in ensemble.groups(table, by)]
     groups = [row for _, row in fits.iterrows()]
     shown = ["model", "mu", "zeta", *symbols.differing(groups, [c for c in by if c not in ("model", "mu", "zeta")])]
-    fits["label"] = [symbols.group_label(row, [c for c in shown if row[c] != ""]) for row in groups]
+    fits["label"] = [symbols.group_label(row, [c for c in shown if row[c] != ""]) or "parameters unknown" for row in groups]
     return fits
 
 

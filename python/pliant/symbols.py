@@ -67,10 +67,10 @@ def parameter_label(name, value):
 
 
 def group_label(row, columns):
-    """Legend entry of a group: the model's name, and the names of the parameters in `columns` that it reads."""
+    """Legend entry of a group: the model's name, and the known parameters in `columns` that it reads."""
     model = row.get("model")
     parts = [MODEL_NAMES.get(model, str(model))] if "model" in columns else []
-    named = [c for c in columns if c != "model" and c in row and reads(model, c)]
+    named = [c for c in columns if c != "model" and c in row and row[c] == row[c] and reads(model, c)]
     dissipation = [c for c in _NOTHING_AT_ZERO if c in named and row[c] != 0]
     named = [c for c in named if c not in _NOTHING_AT_ZERO or c in dissipation or not dissipation]
     return ", ".join(parts + [parameter_label(c, row[c]) for c in named])

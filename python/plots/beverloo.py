@@ -17,13 +17,14 @@ from pliant.beverloo_figures import draw_flow
 from pliant.scenarios import of_scenario
 
 def read(paths):
-    """One table of all CSV files and run folders; model, dim, mu and zeta get a value where a CSV file lacks them."""
+    """One table of all CSV files and run folders. A CSV file without dim is in 2D; without model, mu or zeta these are unknown."""
     tables = [load_table(p) for p in paths if Path(p).is_file()]
     folders = [p for p in paths if not Path(p).is_file()]
     if folders:
-        tables.append(sweep_table([of_scenario(run, "hopper") for run in load_runs(folders)]))
+        runs = sweep_table([of_scenario(run, "hopper") for run in load_runs(folders)])
+        tables.append(runs.assign(**{name: runs[name].fillna(0.0) if name in runs else 0.0 for name in ("mu", "zeta")}))
     table = pd.concat(tables, ignore_index=True)
-    for column, value in (("model", ""), ("dim", 2), ("mu", 0.0), ("zeta", 0.0)):
+    for column, value in (("model", ""), ("dim", 2), ("mu", float("nan")), ("zeta", float("nan"))):
         table[column] = table[column].fillna(value) if column in table else value
     if not table["Q"].notna().any():
         raise RunError("none of the runs has a flow rate Q in its summary.json (not ended yet, or discharges, which discharge.py draws?)")
@@ -61,7 +62,7 @@ def main():
     parser = script.parser(__doc__, "beverloo.py runs/w* -o beverloo.png\n  beverloo.py sweep.csv --beta 1.5",
                            "beverloo.png")
     parser.add_argument("run", nargs="+", help="run folders, folders of runs, or sweep tables "
-                                               "(CSV: hopper_width, Q, Q_error, model, dim, mu, zeta)")
+                                               "(CSV: hopper_width, Q, Q_error, model, mu, zeta, and dim, default 2)")
     parser.add_argument("--beta", type=float, help="hold the exponent fixed (default: fitted)")
     parser.add_argument("--reference", type=exponent, default="auto", metavar="auto|none|EXPONENT",
                         help="exponent of the reference line; auto: d - 1/2 for friction only, d - 3/2 for drag only")

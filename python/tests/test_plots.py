@@ -356,6 +356,18 @@ def test_beverloo_from_a_table_with_few_points(call, tmp_path):
     assert "friction = whole" in text and "friction = tangential" in text
 
 
+def test_beverloo_labels_of_a_table_without_coefficients(call, tmp_path):
+    """The members of an ensemble: mu and zeta of its runs are not in the table, so no label may name a value of them."""
+    members = "member,seed,hopper_width,status,Q,Q_error\n" + "".join(
+        f"{i},{i + 1},{w},done,{0.4 * (w - 1.5) ** 1.5:.4f},0.01\n" for i, w in enumerate((3, 4, 5, 6, 8)))
+    (tmp_path / "members.csv").write_text(members, encoding="utf-8")
+    text = call("beverloo.py", tmp_path / "members.csv", "-o", tmp_path / "a.png")
+    assert "parameters unknown" in text and "mu" not in text and "zeta" not in text and "published" not in text
+    (tmp_path / "drag.csv").write_text("w,Q,Q_error,zeta\n" + "".join(f"{w},{w - 1},0.01,0.3\n" for w in (3, 4, 5, 6)), encoding="utf-8")
+    text = call("beverloo.py", tmp_path / "drag.csv", "-o", tmp_path / "a.png")
+    assert "zeta/zeta_0 = 0.3" in text and "mu" not in text and "published" not in text  # friction may act, too
+
+
 @pytest.fixture(scope="module")
 def clogs(tmp_path_factory):
     """results.csv of runs whose clogs follow [T 4.17, 4.19], w* from 4.4 d on, and of some that g empties."""
