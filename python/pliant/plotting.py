@@ -166,6 +166,11 @@ QUANTITIES = {
 }
 
 
+def usual_quantity(run):
+    """The quantity of QUANTITIES that the colour shows by default. Particles of packings are at rest."""
+    return "contacts" if run.counts_packings else "speed"
+
+
 def particle_values(run, frame, quantity):
     """[N] values of a quantity of QUANTITIES; RunError if the model lacks it (areas of soft particles)."""
     if quantity in ("area", "shape") and not run.topology.deformable:
@@ -333,9 +338,10 @@ def panel_figure(runs, boxes, height=4.6):
     return figure, axes[0]
 
 
-def draw_frame(run, frame=-1, color="speed", axes=None):
-    """Draws walls and particles of a frame (number, or Frame) in a colour of QUANTITIES, with a colour bar, on `axes` or a new
-    figure. Returns the axes."""
+def draw_frame(run, frame=-1, color=None, axes=None):
+    """Draws walls and particles of a frame (number, or Frame) in a colour of QUANTITIES, by default the usual one, with a colour
+    bar, on `axes` or a new figure. Returns the axes."""
+    color = usual_quantity(run) if color is None else color
     if isinstance(frame, (int, np.integer)):
         frame = run.frame(int(frame))
     if color not in QUANTITIES:

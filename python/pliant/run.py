@@ -743,9 +743,9 @@ class Run:
         from .report import write_report  # imports SciPy
         return write_report(self, path, limit)
 
-    def draw(self, frame=-1, color="speed", axes=None):
-        """Draws a frame (its number, or a Frame) with matplotlib: walls, and particles coloured by speed, contacts, size, area
-        or shape; on `axes`, by default of a new figure. Returns the axes. Errors: RunError."""
+    def draw(self, frame=-1, color=None, axes=None):
+        """Draws a frame (its number, or a Frame) with matplotlib: walls, and particles coloured by speed (default), contacts
+        (default for packings), size, area or shape; on `axes`, by default of a new figure. Returns the axes. Errors: RunError."""
         from .plotting import draw_frame  # imports matplotlib
         return draw_frame(self, frame, color, axes)
 

@@ -69,7 +69,7 @@ def main():
     rate.add_argument("--speed", type=float, metavar="T0", help="time of the run, in t0, per second of the movie")
     parser.add_argument("--every", type=int, default=1, help="use every n-th frame (default: 1)")
     parser.add_argument("--start", type=float, default=0, metavar="T0", help="leave out frames before this time (default: 0)")
-    parser.add_argument("--color", choices=QUANTITIES, default="speed", help="quantity shown by the colour (default: speed)")
+    parser.add_argument("--color", choices=QUANTITIES, help="quantity shown by the colour (default: speed; packings: contacts)")
     parser.add_argument("--bare", action="store_true", help="draw particles and walls only, without axes, title and colour bar")
     parser.add_argument("--dpi", type=float, default=130, help="resolution (default: 130)")
     arguments = script.arguments(parser)
@@ -78,6 +78,7 @@ def main():
             raise RunError(f"--{name} is {getattr(arguments, name)}: it must be positive")
     writer_for(arguments.output, 1)  # raises an error before any work
     run = Run(arguments.run)
+    color = arguments.color or plotting.usual_quantity(run)
     if not run.frames:
         run.frame(0)  # raises an error with the reason
     first = int(np.searchsorted(run.frame_times, arguments.start))
@@ -89,21 +90,21 @@ def main():
     # One scale and one view for the whole movie, from a dozen frames spread over it.
     sample = frames[:: max(len(frames) // 12, 1)] + [frames[-1]]
     cmap, norm, extend = plotting.color_scale(
-        arguments.color, [plotting.particle_values(run, f, arguments.color)[f.active] for f in sample])
+        color, [plotting.particle_values(run, f, color)[f.active] for f in sample])
     box = plotting.view(run, sample)
     figure, (ax,) = plotting.panel_figure([run], [box])
     walls = plotting.draw_walls(ax, run, frames[0])
     if arguments.bare:
         ax.set_axis_off()
     else:
-        plotting.add_color_bar(figure, ax, run, arguments.color, cmap, norm, extend)
+        plotting.add_color_bar(figure, ax, run, color, cmap, norm, extend)
     title = ax.set_title("" if arguments.bare else "t")
     figure.set_dpi(arguments.dpi)
     # yuv420p needs even numbers of pixels; half a pixel more is safe against rounding down.
     figure.set_size_inches([(2 * np.ceil(size * arguments.dpi / 2) + 0.5) / arguments.dpi
                             for size in figure.get_size_inches()])
     artist, scale = plotting.draw_particles(ax, run, frames[0], cmap(norm(
-        plotting.particle_values(run, frames[0], arguments.color))))
+        plotting.particle_values(run, frames[0], color))))
     digits = 2 if frames[-1].time < 1e4 else 0
     figure.set_layout_engine("none")  # fixed layout, so that axes do not jump between frames
 
@@ -114,7 +115,7 @@ def main():
                 artist.remove()
                 walls.remove()
                 walls = plotting.draw_walls(ax, run, frame)
-                colors = cmap(norm(plotting.particle_values(run, frame, arguments.color)))
+                colors = cmap(norm(plotting.particle_values(run, frame, color)))
                 artist, _ = plotting.draw_particles(ax, run, frame, colors, scale=scale)
                 if not arguments.bare:
                     title.set_text(f"{plotting.model_name(run)},  {plotting.time_label(run, frame, digits)}")

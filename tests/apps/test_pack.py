@@ -2,6 +2,7 @@
 
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -9,6 +10,10 @@ import numpy as np
 import pytest
 from conftest import PROGRAM, Results, assert_same_runs, end, pliant, start, wait_for
 from test_parallel import mpi_environment
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "python"))
+from pliant import Run  # noqa: E402
+from pliant.report.frames import quantities, relative_pressure  # noqa: E402
 
 
 PLOTS = Path(__file__).resolve().parents[2] / "python" / "plots"
@@ -18,6 +23,23 @@ def pack(folder, **options):
     result = pliant("pack", output=folder, **{"n": 32, **options})
     assert result.returncode == 0, result.stderr
     return Results(folder)
+
+
+def test_colours_of_pictures_of_packings(tmp_path):
+    """Particles at rest have no speed: reports show the pressure of each particle by default, pictures its contacts."""
+    pack(tmp_path / "run", pressure=1e-3)
+    with Run(tmp_path / "run") as run:
+        names = [quantity.name for quantity in quantities(run, run.frames[-1])]
+        assert names[0] == "pressure" and "speed" not in names
+        for frame in run.frames:
+            relative = relative_pressure(run, frame)
+            assert relative.mean() == pytest.approx(1) and relative.max() > 1.5
+            resting = frame.contacts[["particle_1", "particle_2"]].to_numpy()
+            assert (relative[np.setdiff1d(np.arange(32), resting)] == 0).all()
+        assert run.draw().figure.axes[1].get_ylabel() == "touching particles"
+    pack(tmp_path / "bare", pressure=1e-3, frame_fields="contacts")
+    with Run(tmp_path / "bare") as run:
+        assert [quantity.name for quantity in quantities(run, run.frames[-1])][0] == "force"
 
 
 @pytest.mark.parametrize("options", [{}, {"seed": 2}, {"dim": 3}, {"dim": 3, "seed": 2, "size_distribution": "mono"},

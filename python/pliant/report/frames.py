@@ -63,7 +63,7 @@ class Packed:
 
 
 def quantities(run, frame):
-    """The quantities that a frame of the run has; `of` of constant ones is None."""
+    """The quantities that a frame of the run has, the first one by default; `of` of constant ones is None."""
     length, time = units(run)
     deformable = run.topology.deformable
     shape, needed = ("shape p²/4πa", ("area", "perimeter")) if run.dim == 2 else ("shape S^1.5/6√πV", ("volume", "surface_area"))
@@ -80,6 +80,8 @@ def quantities(run, frame):
         Quantity("start", "height in the first frame", length),
         Quantity("id", "particle number", "", "ids"),
     ]
+    if run.counts_packings:  # particles at rest
+        found[0] = Quantity("pressure", "pressure over mean pressure", "", of=lambda f: relative_pressure(run, f), needs=("particle_stress",))
     return [q for q in found if q.in_frame(frame) and not (q.name in ("area", "shape") and not deformable) and not (q.name == "spin" and run.dim == 3)]
 
 
@@ -117,6 +119,14 @@ def largest_overlap(run, frame):
     return _per_particle(run, frame, "overlap", np.maximum, 0.0)
 
 
+def relative_pressure(run, frame):
+    """[N] share of each particle of the pressure, divided by the mean share; NaN if the pressure of the packing is 0."""
+    diagonal = [0, 2] if run.dim == 2 else [0, 3, 5]
+    share = -frame.particle_stress[:, diagonal].mean(1)
+    mean = share.mean()
+    return share / mean if mean else np.full(len(share), np.nan)
+
+
 @dataclass
 class _Shot:
     """Arrays of one frame, read once."""
@@ -148,7 +158,7 @@ def _color_range(quantity, known):
         return middle - half, middle + half
     if quantity.kind == "counts":
         return 0.0, max(float(known.max()), 1.0)
-    if quantity.name in ("speed", "force", "overlap"):
+    if quantity.name in ("speed", "force", "overlap", "pressure"):
         low = 0.0
     return (float(low), float(high)) if high > low else (float(low), float(low) + 1)
 
