@@ -45,6 +45,11 @@ PEERS = {
 }
 
 
+def named(keys, heads):
+    """{key: head of its column}, the key itself unless `heads` has another head."""
+    return {key: heads.get(key, key) for key in keys}
+
+
 def targets(context):
     shorter = 10 if context.quick else 1
     jobs = {}
@@ -98,26 +103,30 @@ def targets(context):
             ratio = statistics.median(p.seconds / r.seconds for p, r in zip(found, reference))
             exact = pair in lammps.EXACT
             peer_rows.append({
-                "case": case, "LAMMPS pair style": pair.replace("_", "/"), "exact": "yes" if exact else "nearly", **ns,
-                "Pliant": statistics.median(per * r.seconds for r in reference), "ratio": ratio,
-                "kinetic energy": f"{found[0].kinetic_energy:.4g}", "Pliant's": f"{reference[0].kinetic_energy:.4g}",
-                "height": f"{found[0].height:.4g}", "Pliant's height": f"{reference[0].height:.4g}",
-                "left": found[0].particles, "Pliant's left": reference[0].particles, **context.origin})
-            if exact and (case not in best or ns["median"] < best[case]["LAMMPS"]):
-                best[case] = {"LAMMPS": ns["median"], "Pliant there": peer_rows[-1]["Pliant"], "LAMMPS/Pliant": ratio}
+                "case": case, "LAMMPS pair style": pair.replace("_", "/"), "law of Pliant": "yes" if exact else "nearly", **ns,
+                "Pliant": statistics.median(per * r.seconds for r in reference), "LAMMPS/Pliant": ratio,
+                "E_kin, LAMMPS": f"{found[0].kinetic_energy:.4g}", "E_kin, Pliant": f"{reference[0].kinetic_energy:.4g}",
+                "height, LAMMPS": f"{found[0].height:.4g}", "height, Pliant": f"{reference[0].height:.4g}",
+                "left, LAMMPS": found[0].particles, "left, Pliant": reference[0].particles, **context.origin})
+            if exact and (case not in best or ns["median"] < best[case]["LAMMPS, other flow"]):
+                best[case] = {"LAMMPS, other flow": ns["median"], "Pliant, other flow": peer_rows[-1]["Pliant"],
+                              "LAMMPS/Pliant": ratio}
 
     rows = []
     for name, options, _, target, stretch, case in TARGETS:
         kind = "ns_per_vertex_step" if "-model" in options else "ns_per_particle_step"
         ns = spread([summary[kind] for summary in results[name]])
-        rows.append({"case": name, **ns, "target": target, "stretch": stretch, "ratio": ns["median"] / target,
+        rows.append({"case": name, **ns, "target": target, "stretch": stretch, "median/target": ns["median"] / target,
                      **best.get(case, {}), "force evaluations": results[name][0]["force_evaluations"],
                      "steps": results[name][0]["steps"], "options": options, **context.origin})
-    shown = ["case", "median", "min–max", "target", "stretch", "ratio", "LAMMPS", "Pliant there", "LAMMPS/Pliant"]
+    shown = ["case", "median", "min–max", "target", "stretch", "median/target", "LAMMPS, other flow", "Pliant, other flow",
+             "LAMMPS/Pliant"]
     tables = {"targets": (rows, shown)}
     if peer_rows:
-        tables["lammps"] = (peer_rows, ["case", "LAMMPS pair style", "exact", "median", "min–max", "Pliant", "ratio",
-                                        "kinetic energy", "Pliant's", "height", "Pliant's height"])
+        columns = ["case", "LAMMPS pair style", "law of Pliant", "median", "min–max", "Pliant", "LAMMPS/Pliant", "E_kin, LAMMPS",
+                   "E_kin, Pliant", "height, LAMMPS", "height, Pliant"]
+        tables["lammps"] = (peer_rows, named(columns, {"median": "LAMMPS, median", "min–max": "LAMMPS, min–max",
+                                                       "Pliant": "Pliant, median"}))
     return tables, sorted(set(reasons.values()))
 
 
@@ -171,14 +180,16 @@ def disks(context):
         if found:
             lists = min(found, key=lambda name: statistics.median(p.seconds for p in found[name]))
             theirs_ = found[lists]
-            row |= {"LAMMPS": statistics.median(per * p.seconds for p in theirs_), "its lists": lists,
+            row |= {"LAMMPS": statistics.median(per * p.seconds for p in theirs_), "LAMMPS lists": lists,
                     "LAMMPS/Pliant": statistics.median(p.seconds / q.seconds for p, q in zip(theirs_, mine)),
-                    "height": f"{theirs_[0].height:.4g}", "Pliant's height": f"{mine[0].height:.4g}",
-                    "kinetic energy": f"{theirs_[0].kinetic_energy:.3g}",
-                    "Pliant's": f"{mine[0].kinetic_energy:.3g}"}
+                    "height, LAMMPS": f"{theirs_[0].height:.4g}", "height, Pliant": f"{mine[0].height:.4g}",
+                    "E_kin, LAMMPS": f"{theirs_[0].kinetic_energy:.3g}",
+                    "E_kin, Pliant": f"{mine[0].kinetic_energy:.3g}"}
         rows.append(row | context.origin)
-    shown = ["case", "N", "with substrate", "median", "min–max", "LAMMPS", "LAMMPS/Pliant", "its lists", "kinetic energy",
-             "Pliant's", "height", "Pliant's height"]
+    shown = named(["case", "N", "with substrate", "median", "min–max", "LAMMPS", "LAMMPS/Pliant", "LAMMPS lists",
+                   "E_kin, LAMMPS", "E_kin, Pliant", "height, LAMMPS", "height, Pliant"],
+                  {"with substrate": "Pliant, with substrate", "median": "Pliant, median", "min–max": "Pliant, min–max",
+                   "LAMMPS": "LAMMPS, median"})
     return {"disks": (rows, shown)}, sorted(set(reasons.values()))
 
 
@@ -213,11 +224,11 @@ def spheres(context):
     per = 1e9 / (summaries[0]["particles"] * summaries[0]["steps"])
     programs = [("Pliant", "", mine)] + [(f"LAMMPS {pair.replace('_', '/')}", same, results[pair])
                                          for pair, same in SPHERE_STYLES.items() if pair not in reasons]
-    rows = [{"program": name, "same law": same, "N": summaries[0]["particles"], **spread([per * p.seconds for p in found]),
-             "over Pliant": statistics.median(p.seconds / q.seconds for p, q in zip(found, mine)),
+    rows = [{"program": name, "law of Pliant": same, "N": summaries[0]["particles"], **spread([per * p.seconds for p in found]),
+             "time/Pliant's time": statistics.median(p.seconds / q.seconds for p, q in zip(found, mine)),
              "kinetic energy": f"{found[0].kinetic_energy:.4g}", "height": f"{found[0].height:.4g}", **context.origin}
             for name, same, found in programs]
-    shown = ["program", "same law", "N", "median", "min–max", "over Pliant", "kinetic energy", "height"]
+    shown = ["program", "law of Pliant", "N", "median", "min–max", "time/Pliant's time", "kinetic energy", "height"]
     return {"spheres": (rows, shown)}, sorted(set(reasons.values()))
 
 
@@ -303,11 +314,11 @@ def scaling(context):
         chain, compared = chains[system, points], results.get((system, 10_000))
         kb = (chain.start.peak_kb - smallest.peak_kb) / chain.points
         rows.append({"case": system, "N": chain.points, **spread(ns),
-                     "ratio": statistics.median(ns) / statistics.median(compared) if compared else None,
+                     "cost/cost at N = 10⁴": statistics.median(ns) / statistics.median(compared) if compared else None,
                      "kB per point": kb if points >= 10_000 else None,  # of fewer, the program itself is most
-                     "packing s": chain.start.cpu, "steps": chain.steps, **context.origin})
+                     "packing [s]": chain.start.cpu, "steps": chain.steps, **context.origin})
         shutil.rmtree(chain.folder)
-    shown = ["case", "N", "median", "min–max", "ratio", "kB per point", "packing s"]
+    shown = ["case", "N", "median", "min–max", "cost/cost at N = 10⁴", "kB per point", "packing [s]"]
     return {"scaling": (rows, shown)} if rows else {}, sorted(set(reasons.values()))
 
 
@@ -350,10 +361,11 @@ def parallel(context):
                 low, high = interval_of_median(ratios)
                 rows.append({**row, "run as": f"{n} {kind}", "workers": n, **spread(ns),
                              "speed-up": statistics.median(ratios), "5 %": low, "95 %": high,
-                             "of the means": statistics.mean(serial) / statistics.mean(ns)})
+                             "speed-up of the means": statistics.mean(serial) / statistics.mean(ns)})
         shutil.rmtree(chain.folder)
     rows = [{**row, **context.origin, "repetitions": cycles} for row in rows]
-    return {"parallel": (rows, ["case", "run as", "median", "min–max", "speed-up", "5 %", "95 %", "of the means"])}, []
+    columns = ["case", "run as", "median", "min–max", "speed-up", "5 %", "95 %", "speed-up of the means"]
+    return {"parallel": (rows, named(columns, {"5 %": "speed-up, 5 % point", "95 %": "speed-up, 95 % point"}))}, []
 
 
 # --------------------------------------------------------------------------------------------------------- flow rates
@@ -392,11 +404,12 @@ def flow(context):
         if not summary["Q"]["error"] or summary["Q"]["error"] > 1.001 * rtol * summary["Q"]["value"]:
             notes.append(f"{name}: Q did not reach {100 * rtol:g} % until t = {t_end} t0")
         earlier = float(before[name]["cpu_seconds"]) if name in before and not context.quick else None
-        rows.append({"case": name, **cpu, "before": earlier, "ratio": earlier / cpu["median"] if earlier else None,
-                     "Q": summary["Q"]["value"], "error": summary["Q"]["error"], "t": summary["t"],
+        rows.append({"case": name, **cpu, "median before": earlier, "before/now": earlier / cpu["median"] if earlier else None,
+                     "Q": summary["Q"]["value"], "error of Q": summary["Q"]["error"], "t [t0]": summary["t"],
                      "Q before": before.get(name, {}).get("Q"), "options": FLOW[name],
                      **context.origin, "repetitions": repetitions})
-    return {"flow": (rows, ["case", "median", "min–max", "before", "ratio", "Q", "error", "t", "Q before"])}, notes
+    columns = ["case", "median", "min–max", "median before", "before/now", "Q", "error of Q", "t [t0]", "Q before"]
+    return {"flow": (rows, columns)}, notes
 
 
 # ------------------------------------------------------------------------------------------------------------ kernels
@@ -432,7 +445,8 @@ def kernels(context):
              for kernel in sorted({kernel for kernel, _ in repeated})]
     shown += [{"kernel": label} | {system: f"{counters[label, system]:.3g}" for system in systems
                                    if (label, system) in counters} for label in COUNTERS.values()]
-    return {"kernels": (rows, ["kernel", *systems], [row for row in shown if len(row) > 1])}, []
+    columns = named(["kernel", *systems], {"sp_2d": "soft 2D", "sp_3d": "soft 3D"})
+    return {"kernels": (rows, columns, [row for row in shown if len(row) > 1])}, []
 
 
 PARTS = {"targets": targets, "disks": disks, "spheres": spheres, "scaling": scaling, "parallel": parallel, "flow": flow,

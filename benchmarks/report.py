@@ -18,7 +18,9 @@ def cell(value):
 
 
 def table(rows, columns):
-    lines = ["| " + " | ".join(columns) + " |", "|---" * len(columns) + "|"]
+    """`columns`: keys of the rows, or {key: head}."""
+    heads = columns.values() if isinstance(columns, dict) else columns
+    lines = ["| " + " | ".join(heads) + " |", "|---" * len(columns) + "|"]
     for row in rows:
         row = dict(row)
         if "min" in row:

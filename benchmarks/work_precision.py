@@ -177,6 +177,9 @@ def draw(rows, error, label, path):
     save(figure, path)
 
 
+HEADS = {"CPU": "CPU time/standard run", "evaluations": "evaluations/standard run"}  # of columns of ratios
+
+
 def report(problem, rows, standard, images):
     """The text between the markers of a problem; draws its figures."""
     errors = [error for error in ("error", "energy_error") if error in standard]
@@ -185,9 +188,10 @@ def report(problem, rows, standard, images):
         if "mean_energy" in standard:
             shown, scatter = statistics(rows)
             columns = ["method", "CPU", "evaluations", "dt", "tolerance", "energy", "contacts"]
+            columns = {key: HEADS.get(key, key) for key in columns}
             label = ERRORS["statistics"]
-            text.append(f"Mean energies of the runs with the standard step and shorter ones differ by up to "
-                        f"{scatter:.1g} from the reference. The cheapest runs with the same mean energies within this difference:")
+            text.append(f"The mean energies of runs with the standard step and with shorter steps differ by up to a fraction of {scatter:.1g} "
+                        "from the reference. The table shows the cheapest run of each method whose mean energy differs by no more:")
         else:
             shown, columns, label = comparison(rows, standard, error), ["method", *TARGETS], ERRORS[error]
             if problem == "droplets":  # their unit of length
@@ -300,7 +304,8 @@ def flow_study(context, model, output):
     shown, rows = flow(context, model)
     rows = [row | context.origin for row in rows]
     write_csv(output / "performance-data" / f"work-precision-flow-{model}.csv", rows)
-    return table(shown, ["run as", "CPU", "evaluations", "rejected", *FLOW_COLUMNS.values()]) + "\n\n" + origin(rows[0])
+    columns = ["run as", "CPU", "evaluations", "rejected", *FLOW_COLUMNS.values()]
+    return table(shown, {key: HEADS.get(key, key) for key in columns}) + "\n\n" + origin(rows[0])
 
 
 def study_all(context, page, names):

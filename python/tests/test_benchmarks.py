@@ -83,6 +83,12 @@ def test_pair_table_is_the_contact_law():
         assert np.allclose(-np.gradient(energy, r)[1:-1], force[1:-1], atol=1e-6 * epsilon)
 
 
+def test_columns_of_a_table_have_heads():
+    rows = [{"a": 1.5, "min": 1.0, "max": 2.0}]
+    assert report.table(rows, ["a", "min–max"]).splitlines() == ["| a | min–max |", "|---|---|", "| 1.5 | 1–2 |"]
+    assert report.table(rows, {"a": "time", "min–max": "range"}).splitlines()[0] == "| time | range |"
+
+
 def test_insert_replaces_only_what_is_marked(tmp_path):
     page = tmp_path / "page.md"
     page.write_text("a\n<!-- bench:begin one -->\nold\n<!-- bench:end one -->\nb\n<!-- bench:begin two -->\nkept\n"
