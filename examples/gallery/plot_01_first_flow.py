@@ -15,8 +15,8 @@ import pliant
 # %%
 # Run
 # ---
-# ``pliant.hopper`` takes the options of the program as keywords. It packs the disks, runs them, and moves each disk that has fallen
-# through the orifice back to the top, so that the flow can become steady. All results go into a folder, here a temporary one.
+# ``pliant.hopper`` takes the options of the program as keywords. It packs the disks, simulates them, and reinserts at the top each disk
+# that has fallen through the orifice, so that the flow can become steady. All results go into a folder, here a temporary one.
 folder = tempfile.TemporaryDirectory()
 run = pliant.hopper(n=300, hopper_wall_distance=20, hopper_width=5, zeta=2, t_end=200, output=f"{folder.name}/first", quiet=True)
 

@@ -56,7 +56,7 @@ sim.run(300)
 # %%
 # Result
 # ------
-# A clog that needs several attempts counts once. The number of clogs is a Poisson variable, whose standard error is its root.
+# A clog that needs several attempts counts once. The number of clogs is a Poisson variable; its standard error is the square root of the number.
 attempts = len(shakes)
 clogs = len({left[np.searchsorted(times, t)] for t, _ in shakes})
 print(f"{left[-1]} of {n} disks left in {sim.t:.0f} t0 with {clogs} ± {clogs**0.5:.1f} clogs and {attempts} attempts to break them")

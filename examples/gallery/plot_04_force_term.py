@@ -52,7 +52,7 @@ sim.run(5)
 
 # %%
 # At rest each vertex is pushed outwards by the pressure p on the two half edges, and pulled inwards by γ: for a regular polygon with n vertices,
-# p = γ/(R cos(π/n)), which tends to γ/R. The model gives the force of the pressure: it is the force on a vertex without the line tension.
+# p = γ/(R cos(π/n)), which tends to γ/R. The force of the pressure on a vertex is the force of the model, without the line tension.
 x = sim.positions
 r = radii(x)
 pressure = np.linalg.norm(sim.forces, axis=1).mean() / np.linalg.norm((np.roll(x, -1, axis=0) - np.roll(x, 1, axis=0)) / 2, axis=1).mean()

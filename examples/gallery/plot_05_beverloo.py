@@ -2,8 +2,8 @@
 A sweep and the Beverloo law
 ============================
 
-The flow rate of a hopper follows Q = C (w/σ_avg − k)^β. With the drag of a fluid only, β is close to 1/2 in the plane [H]; with friction only, close to 3/2.
-Six runs of soft disks with drag determine β with its error.
+The flow rate of a hopper follows Q = C (w/σ_avg − k)^β. For disks, Cheng et al. (Soft Matter, 2022) report β = 1/2 if a fluid exerts drag and no friction
+acts, and β = 3/2 if only friction acts. Six runs of soft disks with drag determine β with its error.
 """
 import tempfile
 

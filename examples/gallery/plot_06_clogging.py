@@ -28,7 +28,8 @@ for w in widths:
 # %%
 # Probabilities
 # -------------
-# ``clog_points`` counts clogs at each width, with Wilson's interval: 0 of 6 clogs does not mean P = 0 ± 0.
+# ``clog_points`` counts clogs at each width, with Wilson's interval, because 0 of 6 clogs does not mean P = 0 ± 0. The column ``s`` is the mean number of
+# droplets that leave.
 table, _ = clog_analysis.load_clogs(folders)
 points = clog_analysis.clog_points(table)
 print(points[["hopper_width", "runs", "clogged", "P", "P_low", "P_high", "s", "s_error"]].round(2).to_string(index=False))

@@ -15,8 +15,8 @@ from pliant import raft_analysis
 # %%
 # Run
 # ---
-# Three rows of four droplets, a smaller raft than in the thesis, and walls that are five times as fast. Droplets have no inertia; PETSc's Runge-Kutta method with
-# error control integrates their motion.
+# The raft has three rows of four droplets. In the thesis of P. E. Illing (Emory University, chapter 2) rafts are larger and walls five times slower.
+# Droplets have no inertia; PETSc's Runge-Kutta method with error control integrates their motion.
 folder = tempfile.TemporaryDirectory()
 run = pliant.raft(rows=3, columns=4, v_wall=5e-4, frame_interval=100, output=f"{folder.name}/raft", quiet=True)
 series = run.series

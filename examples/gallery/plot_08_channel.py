@@ -3,7 +3,7 @@ Disks in a bent channel
 =======================
 
 A plunger pushes frictional disks on a substrate around the corner of an L-shaped channel. We measure the work of the plunger, the heat of each kind of friction,
-and the motion of single disks that a smooth flow does not explain.
+and the deviation of single disks from a smooth flow.
 """
 import tempfile
 
@@ -16,7 +16,8 @@ from pliant import analysis
 # %%
 # Run
 # ---
-# Units are cm, g and s. The plunger is 70 times as fast as in the experiment of [T ch. 3], and the disks are larger and fewer than in the experiment.
+# Units are cm, g and s. In the experiment (P. E. Illing's thesis, Emory University, chapter 3) the plunger is 70 times slower, and the disks are smaller
+# and more numerous.
 folder = tempfile.TemporaryDirectory()
 run = pliant.channel(radii=[1.6, 1.1], counts=[1, 1], area_fraction=0.74, pushes=1, plunger_speed=15,
                      output=f"{folder.name}/channel", quiet=True)
@@ -35,7 +36,8 @@ print(f"work {last['plunger_work']:.4g} erg, relative error of the balance {bala
 # %%
 # Motion
 # ------
-# D²_min is the mean square displacement of the neighbours of a disk that a local strain does not explain, over half of the push.
+# The motion of the neighbours of a disk is compared with the local strain that fits it best. D²_min is the mean square of the differences, here over half
+# of the push.
 frames = run.frames
 before, after = frames[len(frames) // 4], frames[3 * len(frames) // 4]
 d2, count = analysis.d2_min(before, after)

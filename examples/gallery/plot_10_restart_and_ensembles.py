@@ -36,7 +36,7 @@ scatter = table["Q"].std(ddof=1)
 print(f"error of one run: {blocks:.3f} from blocks, {scatter:.3f} ± {scatter / np.sqrt(2 * (len(table) - 1)):.3f} from the scatter of the seeds")
 
 # %%
-# ``ensemble.average`` joins both: it uses the scatter, and enlarges block errors that are too small.
+# ``ensemble.average`` combines both errors: the function uses the scatter, and enlarges block errors that are too small.
 mean = ensemble.average(table, ["hopper_width"], "Q").iloc[0]
 print(f"Q = {mean['Q']:.3f} ± {mean['Q_error']:.3f} sigma_avg^2/t0, average of {mean['runs']} runs")
 

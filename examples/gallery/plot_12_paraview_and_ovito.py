@@ -52,7 +52,7 @@ print(f"{len(frames)} frames read, largest difference of a position: {difference
 # %%
 # Order
 # -----
-# Frames 3 t0 apart count as independent: in this time the flow renews the disks near the orifice. Else use ``pliant.block_average``.
+# Frames 3 t0 apart count as independent: in this time the flow renews the disks near the orifice. If frames are closer in time, use ``pliant.block_average``.
 values = [np.nanmean(order(frame)["psi6"]) for frame in run.frames[2:]]
 print(f"mean |psi6| = {np.mean(values):.3f} ± {np.std(values, ddof=1) / len(values) ** 0.5:.3f} over {len(values)} frames, 3 t0 apart")
 

@@ -10,7 +10,8 @@ while high - low > 1e-4:
     phi = (low + high) / 2
     length = np.sqrt(area / phi)
     with pliant.Simulation(length * x, sizes, box=(length, length), e_sp=1) as sim:
-        # Near jamming the convergence is slow. An energy near zero decides without it; else the fraction is a lower bound.
+        # Near jamming the minimisation may end before it has converged. If the energy is near zero, the box is not jammed all the same;
+        # if not, the box counts as jammed, so the printed fraction is a lower bound.
         if sim.minimize(1e-10, must_converge=False).energy < 1e-12:
             low, x = phi, sim.positions / length
         else:
