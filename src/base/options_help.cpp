@@ -114,6 +114,8 @@ std::string Options::help(const std::string& group) const {
       "  -options_file <file>                options from a file: YAML or lines of -name value; may be repeated\n"
       "  -help (or -h), -version             print this, or the version, and stop\n"
       "PETSc's own options (-ts_type, -snes_rtol, -ksp_view, -log_view …) are passed on to PETSc.\n";
+  if (text.find("[H ") != std::string::npos || text.find("[T ") != std::string::npos)
+    text += "[H n] and [T n.m] are equations of the two publications that docs/README.md names.\n";
   return text;
 }
 

@@ -44,7 +44,7 @@ struct EdgeContact {
     epsilon = p.number(contact_energy::deformable);
     if (edges == Edges::wide) {
       force = p.choice({.name = "edge_force",
-                        .help = "smooth: vertex on edge f (single) or 2f (twofold); two vertices head on 2f or f"},
+                        .help = "smooth: vertex-edge force / vertex-vertex force: 0.5 (single) or 2 (twofold)"},
                        named<EdgeForce>({{"single", EdgeForce::single}, {"twofold", EdgeForce::twofold}}));
       return;
     }

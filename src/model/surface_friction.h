@@ -76,13 +76,13 @@ struct Coulomb {
 /// The coefficient of dynamic friction that belongs to the static coefficient `name`; default `usual`. Errors:
 /// InputError if it exceeds mu_static, or is 0 while mu_static is not.
 inline Coulomb read_dynamic_friction(ParameterReader& p, std::string_view name, Real mu_static, Real usual) {
-  const std::string own = fmt::format("{}_dynamic", name);
-  const Coulomb mu{mu_static, p.automatic({.name = own,
-                                           .help = "dynamic friction coefficient",
-                                           .max = 10,
-                                           .automatic = "the static coefficient",
-                                           .role = Role::dynamic_friction},
-                                          usual)};
+  const std::string own = fmt::format("{}_dynamic", name),
+                    help = fmt::format("dynamic friction coefficient that belongs to {}", name);
+  const Coulomb mu{
+      mu_static,
+      p.automatic(
+          {.name = own, .help = help, .max = 10, .automatic = "the static coefficient", .role = Role::dynamic_friction},
+          usual)};
   if (mu.mu_dynamic > mu.mu_static)
     throw InputError("{} {:g} is more than {} {:g}; lower it", p.spelled(own), mu.mu_dynamic, p.spelled(name),
                      mu.mu_static);

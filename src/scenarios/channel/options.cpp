@@ -84,7 +84,7 @@ void ChannelOptions::bind(Options& o) {
   o.group("Channel");
   o.bind("geometry", kind,
          {{"L", ChannelKind::l}, {"T", ChannelKind::t}, {"X", ChannelKind::x}, {"straight", ChannelKind::straight}},
-         {.help = "arms along x and y (L); T: and -x; X: and -y; straight: along x and -x", .on_restart = fixed});
+         {.help = "directions of the arms: x y (L), x y -x (T), x y -x -y (X), x -x (straight)", .on_restart = fixed});
   o.bind("channel_width", size.width, positive("width of the channel", "cm", {Cure::wider_container}));
   o.bind("channel_arm", size.arm, positive("length of an arm, from its end to the far side of the bend", "cm"));
   o.bind("outline", outline,
@@ -92,9 +92,8 @@ void ChannelOptions::bind(Options& o) {
           .cures = {Cure::own_outline},
           .on_restart = fixed,
           .read = read_corners});
-  o.bind(
-      "plungers", plungers,
-      {.help = "a point x,y on each side that is a plunger, in order of pushes; empty: all arms", .on_restart = fixed});
+  o.bind("plungers", plungers,
+         {.help = "points x,y, one on each plunger side, in order of pushes; empty: all arms", .on_restart = fixed});
   o.bind("shear", shear,
          {.help = "-geometry straight: speed of the side walls, divided by the plunger speed", .on_restart = fixed});
 

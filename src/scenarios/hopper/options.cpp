@@ -45,7 +45,7 @@ void HopperOptions::bind(Options& o) {
   explain_gravitational_units(o);
   model.bind(o, UnitSystem::gravitational());
   o.bind("dim", dim,
-         {.help = "dimension; 3 for sp, disk, and rough (closed surfaces)",
+         {.help = "dimension; 3 only for sp, disk, and rough (closed surfaces)",
           .min = 2,
           .max = 3,
           .cures = {{Cure::two_dimensions, "2"}, {Cure::three_dimensions, "3"}},
