@@ -59,9 +59,10 @@ VERDICTS = {"yes": "**yes**", "no": "no", "no verdict": "no verdict", "no number
 #: Names of rows as the pages show them, in this order.
 SYMBOLS = [(re.compile(a), b) for a, b in (
     (r"\|F_zeta\|/\|F_mu\|", "F_ζ/F_μ"), (r"\|dtheta\|", "Δθ"), (r"\bdr_(?:NA|na)\b", "Δr_NA"), (r"\b[dD]2_min\b", "D²_min"),
-    (r"<R>", "⟨R⟩"), (r"chi2", "χ²"), (r"\blambda_c\b", "λ_c"), (r"\blambda\b", "λ"), (r"\bbeta\b", "β"), (r"\btheta_w\b", "θ_w"),
+    (r"<R>", "⟨R⟩"), (r"chi2", "χ²"), (r"\blambda_c\b", "λ_c"), (r"\blambda\b", "λ"), (r"\bbeta\b", "β"),
+    (r"\btheta_w = (\d+)", r"θ_w = \1°"), (r"\btheta_w\b", "θ_w"), (r"\b(\d+)/(\d+) degrees", r"\1°/\2°"),
     (r"\bzeta = ", "ζ/ζ0 = "), (r"\bmu = ", "μ/μ0 = "), (r"\bzeta\b", "ζ"), (r"\bmu\b", "μ"), (r"\bphi_c\b", "φ_c"), (r"\bphi\b", "φ"),
-    (r"\bdelta\b", "δ"), (r"\^2\b", "²"), (r"\bsqrt\b", "√"), (r"\binf\b", "∞"))]
+    (r"\bdelta(?=_crit|\b)", "δ"), (r"\^2\b", "²"), (r"\^3\b", "³"), (r"\bsqrt\b", "√"), (r"\binf\b", "∞"))]
 #: Notes that other columns show.
 SHOWN = re.compile(r"k at its bound|lambda_c (?:lies outside|is known to).*|a step between two lambda|with beta free.*|chi2/dof.*|as many parameters as points|the exponent published.*|\[H 5\] draws.*")
 INLINE = re.compile(r"<<(\?|%[\w.]+|\d(?= ))? ?(.*?)>>")

@@ -58,7 +58,7 @@ def draw_three(measured):
     quantities = [Quantity("stiffness at F = 0, slowest wall", slowest["slope"], slowest["slope_error"],
                            published.THREE_SLOPE)]
     for name, forces, known in (("F_max", speeds, published.THREE_PEAK), ("F_min", lowest, None)):
-        note = "" if known else "the negative peak of [T Fig. 2.3], for which we have no number"
+        note = "" if known else "the negative peak of [T Fig. 2.3]; [T] prints no number"
         quantities += [Quantity(f"{name} at v_wall = {v:g}", F, np.nan, known, note) for v, F in forces.items()]
         if len(forces) > 2:
             limit, error = _at_rest(forces)
