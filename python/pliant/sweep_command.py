@@ -13,11 +13,11 @@ import tempfile
 import unicodedata
 from pathlib import Path
 
-from .errors import OutputError, RunError
+from .errors import FolderInUseError, OutputError, RunError
 from .files import write_atomically
 from .script import remark
 from .sweep import results_tables
-from .sweep_jobs import IN_USE_CODE, STOPPED_CODE, RowFolder, Sweep, arguments, count_text, row_text
+from .sweep_jobs import STOPPED_CODE, RowFolder, Sweep, arguments, count_text, row_text
 from .sweep_rows import is_number, read_rows
 
 FAILED_CODE = 3
@@ -109,10 +109,11 @@ def write_results(output, folders):
     return [state for _, state in entries]
 
 
-def run_rows(table, rows, folders, program, workers=None, retry=False):
-    """Checks the options of all rows and runs the remaining ones; {row id: State}. A signal stops it."""
-    check_options(table, rows, program, table.absolute().parent)
-    return Sweep(folders, program, workers or default_workers(rows), retry).run()
+def run_rows(output, folders, program, workers, **how):
+    """Runs the remaining rows of a sweep in the folder `output`; {row id: State}. `how` are further arguments of Sweep. A signal
+    stops it. Raises FolderInUseError if another sweep works there and one of the two has ensembles."""
+    with _share_of(output, alone=how.get("ensembles", False)):
+        return Sweep(folders, program, workers, **how).run()
 
 
 def default_workers(rows):
@@ -184,21 +185,20 @@ def _code(states):
 
 @contextlib.contextmanager
 def _share_of(folder, alone):
-    """Whether this process may work in the folder of a sweep: alone, or together with others that do not want it alone."""
+    """Works in the folder of a sweep: alone, or together with others that do not want it alone. Raises FolderInUseError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     except OSError as error:
         raise OutputError(f"{folder}: cannot be used ({error.strerror})") from None
-    free = True
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_NB | (fcntl.LOCK_EX if alone else fcntl.LOCK_SH))
-    except BlockingIOError:
-        free = False
-    except OSError:
-        pass  # a file system without locks; the locks of the runs warn of it
-    try:
-        yield free
+        with contextlib.suppress(OSError):  # a file system without locks; the locks of the runs warn of it
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_NB | (fcntl.LOCK_EX if alone else fcntl.LOCK_SH))
+            except BlockingIOError:
+                raise FolderInUseError(f"{folder}: another pliant-sweep works there, and a sweep with --ensembles must be the only "
+                                       "one; wait until it ends, or run both without --ensembles") from None
+        yield
     finally:
         os.close(descriptor)
 
@@ -253,12 +253,7 @@ def main(arguments_=None):
               f"{_row_command(given.table, output, program)} --row {{}}")
         return 0
 
-    with _share_of(output, alone=given.ensembles) as free:
-        if not free:
-            remark(f"pliant-sweep: error: {output}: another pliant-sweep works there, and a sweep with --ensembles must be the only "
-                   "one; wait until it ends, or run both without --ensembles")
-            return IN_USE_CODE
-        states = Sweep(folders, program, workers, given.retry, patient=given.row is None, ensembles=given.ensembles).run()
+    states = run_rows(output, folders, program, workers, retry=given.retry, patient=given.row is None, ensembles=given.ensembles)
     if given.row is None:
         write_results(output, folders)
         remark(count_text(states.values()))

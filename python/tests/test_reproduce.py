@@ -25,7 +25,7 @@ from test_raft import K1, write_raft
 
 from pliant import PliantError, beverloo, beverloo_figures, clog_analysis as clog, ensemble, plotting, symbols
 from pliant.files import read_json, write_json
-from pliant.reproduce import command, disk_motion, figure, hopper_runs, measure, published
+from pliant.reproduce import command, disk_motion, figure, hopper_runs, measure, packings, published
 from pliant.reproduce.figure import Figure, Quantity, agree, deviation, rows, seeds_text, write_rows
 from pliant.reproduce.published import Published
 from pliant.reproduce.readings import plateau
@@ -174,7 +174,10 @@ def own_table(tmp_path, columns, values):
     ("T2.14", "rows,columns,v_wall", ("3,3,1e-4", "4,4,2e-4", "3,3,2e-4"), "-v_wall (0.0001 and 0.0002)"),
     ("T4.3", "g,hopper_width,delta", ("0.01,3,0.01", "0.01,3,0.02"), "-delta (0.01 and 0.02)"),
     ("T3.11", "distribution,area_fraction", ("T4,0.77", "T4,0.72"), "-area_fraction (0.77 and 0.72)"),
-    ("T3.choices", "distribution,area_fraction", ("T4,0.77", "T4,0.72"), None)])
+    ("T3.choices", "distribution,area_fraction", ("T4,0.77", "T4,0.72"), None),
+    ("J1", "n,fraction,start_pressure", ("64,0.9,0.01", "64,0.845,1e-6", "128,0.9,0.01"), None),
+    ("J1", "n,force_tolerance", ("64,1e-6", "64,1e-8"), "-force_tolerance (1e-06 and 1e-08)"),
+    ("J5", "shear_rate,strain", ("1e-3,20", "1e-3,10", "1e-4,5"), None)])
 def test_runs_that_a_figure_would_average(tmp_path, name, columns, values, told):
     """If a figure takes two rows for seeds of one point, the error names their differences."""
     tables = own_table(tmp_path, columns, values)
@@ -1231,6 +1234,120 @@ def test_figures_of_disks(tmp_path):
     found = drawn("T3.12", raft_rows(rows), tmp_path)
     one = found["exponent of dr_na in the interval, centre"]
     assert one.value == pytest.approx(0.74) and 0.001 < one.error < 0.01 and agree(one) == "yes"
+
+
+def packed(dim, n, seeds, onset, pressures=(1e-2, 1e-3, 1e-4, 1e-6), **columns):
+    """Rows of `packings`: isostatic at the onset, and with p = 0.35 dphi, Z - Z_iso = 3 dphi^(1/2), G = 0.3 dphi^(1/2) above it."""
+    rng, rows = np.random.default_rng(n), []
+    for seed in range(seeds):
+        phi_J = onset + 0.05 * n**-0.55 * rng.normal()
+        for p in pressures:
+            backbone, dphi = n - rng.integers(1, 4), p / 0.35
+            contacts = dim * (backbone - 1) + 1 + round(1.5 * backbone * dphi**0.5 * (p > 1e-6))
+            rows.append({"seed": seed, "row": f"{dim}-{n}-{seed}-{columns}", "model": "sp", "dim": dim, "n": n, "path": "decompress",
+                         "start_fraction": 0.9, "start_pressure": 0.01, "pressure": p, "fraction": phi_J + dphi, "backbone": backbone,
+                         "contacts": contacts, "coordination": 2 * contacts / backbone, "shear_modulus": 0.3 * dphi**0.5} | columns)
+    return rows
+
+
+def as_measured(rows):
+    return pd.DataFrame(rows).assign(table="t", commit="abc", cpu_seconds=1.0)
+
+
+@pytest.mark.parametrize("name, dim, limit", [("J1", 2, 0.842), ("J3", 3, 0.639)])
+def test_figures_of_the_onset_of_jamming(name, dim, limit, tmp_path):
+    """The limit of the fraction, for each path, the width of its distribution, and isostatic packings."""
+    rows = []
+    for n in (64, 256, 1024):
+        shift = -0.1 * n ** (-1 / (dim * published.ONSET_NU))
+        rows += packed(dim, n, 40, limit + shift) + packed(dim, n, 40, limit + 0.02 + shift, start_fraction=1.0)
+    found = drawn(name, as_measured(rows), tmp_path)
+    near, far = (found[f"phi_J, N to infinity, start at phi = {phi}, first p = 0.01"] for phi in ("0.9", "1"))
+    assert near.value == pytest.approx(limit, abs=0.002) and 0 < near.error < 0.002 and agree(near) == "yes"
+    assert far.value == pytest.approx(limit + 0.02, abs=0.002) and agree(far) == "no"
+    width = found["exponent of N in the standard deviation of phi_J, start at phi = 0.9, first p = 0.01"]
+    assert agree(width) == "yes" and 0.02 < width.error < 0.1
+    assert found["Z, N to infinity, start at phi = 0.9, first p = 0.01"].value == pytest.approx(2 * dim, abs=0.002)
+    counted = {n: found[f"packings with d (N' - 1) + 1 contacts, start at phi = 0.9, first p = 0.01, N = {n}"] for n in (64, 1024)}
+    assert counted[64].value == 1 and agree(counted[64]) == "yes" and agree(counted[1024]) == "no verdict"
+    more = as_measured([row | {"contacts": row["contacts"] + 1} for row in rows])
+    assert agree(drawn(name, more)["packings with d (N' - 1) + 1 contacts, start at phi = 0.9, first p = 0.01, N = 64"]) == "no"
+    with pytest.raises(PliantError, match="disks and spheres" if name == "J3" else "2D runs only"):
+        command.FIGURES[name].draw(as_measured(packed(2, 64, 2, 0.84) + packed(3, 64, 2, 0.64)))
+
+
+def test_figure_of_the_laws_above_jamming(tmp_path):
+    found = drawn("J2", as_measured([row for n in (256, 4096) for row in packed(2, n, 20, 0.84)]), tmp_path)
+    for name, power, error in (("p", 1, 0.02), ("Z - Z_iso", 0.5, 0.02), ("G", 0.5, 0.01)):
+        high, low = (found[f"slope of {name} in phi - phi_J, p = {a} to {b}, N = 4096"] for a, b in (("0.01", "0.001"), ("0.001", "0.0001")))
+        assert low.value == pytest.approx(power, abs=error) and low.published.value == power
+        assert agree(high) in ("no verdict", "no number") and low.decides
+    negative = as_measured([row | {"shear_modulus": -0.1} for row in packed(2, 64, 5, 0.84)])
+    assert math.isnan(drawn("J2", negative)["slope of G in phi - phi_J, p = 0.001 to 0.0001, N = 64"].value)
+    without = as_measured(packed(2, 64, 5, 0.84)).assign(shear_modulus=np.nan)
+    assert not any("slope of G" in name for name in drawn("J2", without, tmp_path))
+
+
+def test_errors_of_slopes_contain_correlations():
+    """The error of a slope of means is the scatter of this slope between independent samples."""
+    rng = np.random.default_rng(3)
+
+    def sample():
+        common = rng.normal(0, 0.2, (30, 1))  # of both states of a run
+        x = np.array([1e-2, 1e-3]) * np.exp(rng.normal(0, 0.05, (30, 2)))
+        return packings._slope(x, x**0.5 * np.exp(common + rng.normal(0, 0.1, (30, 2))))
+
+    slopes, errors = np.array([sample() for _ in range(300)]).T
+    assert slopes.mean() == pytest.approx(0.5, abs=0.005)
+    assert errors.mean() == pytest.approx(slopes.std(), rel=0.12)
+    assert np.isnan(packings._slope(np.ones((1, 2)) * [2, 1], np.ones((1, 2)) * [2, 1])[1])
+
+
+def polygon_rows(shapes, **columns):
+    rng = np.random.default_rng(2)
+    return [{"seed": s, "row": f"{a}-{s}", "model": "rough", "dim": 2, "n": 12, "n_vertices": 12, "k_b": 0.01, "shape_parameter": a,
+             "pressure": p, "fraction": 0.5 + 0.01 * rng.normal(), "rim_fraction": 1 - 2 * abs((a or 1.0235) - 1.16) + 0.01 * rng.normal(),
+             "contacts": 40 + s, "backbone": 12 - (a == 0), "coordination": 4 + 0.1 * s} | columns
+            for a in shapes for s in range(4) for p in (1e-2, 1e-4)]
+
+
+def test_figure_of_packings_of_polygons(tmp_path):
+    found = drawn("J4", as_measured(polygon_rows((0, 1.08, 1.16))), tmp_path)
+    of = "rough, N = 12, n_v = 12, K_b = 0.01"
+    confluent = found[f"phi with rims, A0 = 1.16, {of}"]
+    assert agree(confluent) == "yes" and found[f"phi with rims, A0 = 1.08, {of}"].published is None
+    assert found[f"contacts of a particle, A0 = 1.08, {of}"].value == pytest.approx(2 * 41.5 / 12)
+    # A regular polygon has the shape of its number of vertices.
+    assert found[f"share of particles that are no rattlers, A0 = 1.023, {of}"].value == pytest.approx(11 / 12)
+    low = as_measured(polygon_rows((1.16,), rim_fraction=0.8))
+    assert agree(drawn("J4", low)[f"phi with rims, A0 = 1.16, {of}"]) == "no"
+    with pytest.raises(PliantError, match="no run has deformable particles"):
+        command.FIGURES["J4"].draw(as_measured(packed(2, 64, 2, 0.84)))
+
+
+def test_figure_of_flow_curves(tmp_path):
+    """Newtonian below the onset, a power at it, a yield stress above it."""
+    rng, rows = np.random.default_rng(4), []
+    for fraction, law in ((0.78, lambda x: 2 * x), (0.8434, lambda x: 0.05 * x**0.28), (0.88, lambda x: 0.01 + 0.1 * x**0.5)):
+        for rate in (1e-5, 1e-4, 1e-3, 1e-2, 3e-2):
+            for seed in range(3):
+                stress = law(rate) * (1 + 0.005 * rng.normal())
+                rows.append({"seed": seed, "row": f"{fraction}-{rate}-{seed}", "model": "sp", "dim": 2, "n": 64, "zeta": 1.0,
+                             "fraction": fraction, "shear_rate": rate, "flow_stress": stress, "flow_stress_error": 0.005 * stress,
+                             "flow_pressure": 3 * stress, "flow_pressure_error": 0.01 * stress})
+    found = drawn("J5", as_measured(rows), tmp_path)
+    for symbol in ("sigma", "p"):
+        powers = {phi: found[f"exponent of {symbol} in the rate, 1e-05 to 0.0001, phi = {phi}, N = 64, zeta = 1"]
+                  for phi in (0.78, 0.8434, 0.88)}
+        assert agree(powers[0.78]) == "yes" and powers[0.78].published.value == 1
+        assert powers[0.8434].value == pytest.approx(0.28, abs=0.01) and agree(powers[0.8434]) == "no verdict"
+        assert powers[0.88].published is None
+    stress = found["yield stress of Herschel and Bulkley, phi = 0.88, N = 64, zeta = 1"]
+    assert stress.value == pytest.approx(0.01, abs=3 * stress.error) and 0 < stress.error < 5e-4
+    assert found["exponent of Herschel and Bulkley, phi = 0.88, N = 64, zeta = 1"].value == pytest.approx(0.5, abs=0.05)
+    unsteady = as_measured(rows).assign(flow_stress=np.nan, flow_pressure=np.nan)
+    with pytest.raises(PliantError, match="no flow is steady"):
+        command.FIGURES["J5"].draw(unsteady)
 
 
 @pytest.fixture(scope="module")

@@ -14,17 +14,17 @@ from .. import plotting
 from ..errors import OutputError, PliantError, RunError
 from ..files import TABLE_ERRORS, write_atomically
 from ..script import markdown, remark, with_error
-from ..sweep_command import (FAILED_CODE, default_workers, find_program, first_scenario, run_rows, write_results)
+from ..sweep_command import (FAILED_CODE, check_options, default_workers, find_program, first_scenario, run_rows, write_results)
 from ..sweep_jobs import STOPPED_CODE, RowFolder, count_text, row_text
 from ..sweep_rows import read_rows
-from . import disk_motion, disks, droplets, hopper, readings
+from . import disk_motion, disks, droplets, hopper, packings, readings
 from .figure import AGREE, LEVELS, VALIDATION, check_rows, rows, write_rows
 from .measure import OF_EVERY_RUN, measured
 
 #: Of rows that name none, where there is no program to ask.
 SCENARIO = "hopper"
 FIGURES = {figure.name: figure for figure in (*hopper.FIGURES, *readings.FIGURES, *droplets.FIGURES, *disks.FIGURES,
-                                              *disk_motion.FIGURES)}
+                                              *disk_motion.FIGURES, *packings.FIGURES)}
 
 _DESCRIPTION = """Makes a published figure again: runs a table of runs, fits with errors, draws the figure with the published
 values in it (FIG-LEVEL.pdf and .png), and writes a row per quantity into reproduced.csv. The same command resumes stopped
@@ -38,7 +38,8 @@ _EPILOG = """examples:
   pliant-reproduce H4 as-run                               # with all differences of the authors' program
   pliant-reproduce H2 --table mine.csv                     # your runs, the same figure
 
-exit codes: 0 done, 2 bad input, 3 runs have failed or a figure could not be drawn, 4 output failed, 75 runs are left: run
+exit codes: 0 done, 2 bad input, 3 runs have failed or a figure could not be drawn, 4 output failed, 6 another sweep works
+there, 75 runs are left: run
 the same again"""
 
 
@@ -68,7 +69,7 @@ def figure_by_name(name):
 def _listing():
     width = max(map(len, FIGURES))
     lines = [f"{name:{width}}  {figure.title}" for name, figure in FIGURES.items()]
-    return "\n".join([*lines, "", "H: Hopper flows of deformable particles; T: Slow granular flows (thesis)"])
+    return "\n".join([*lines, "", "H: Hopper flows of deformable particles; T: Slow granular flows (thesis); J: jammed packings"])
 
 
 def _parser():
@@ -149,8 +150,8 @@ class _Runs:
             self._scenario = first_scenario(self.program)
         return self._scenario
 
-    def _sweep(self, table, skip):
-        """[(row id, folder)] of the finished runs of a table."""
+    def _sweep(self, table, skip, ensembles):
+        """[(row id, folder)] of the finished runs of a table. `ensembles`: as of pliant-sweep."""
         key = table.file, frozenset(skip)
         if key in self._swept:
             return self._swept[key]
@@ -161,9 +162,11 @@ class _Runs:
             folder.check()
         jobs = self.given.jobs or default_workers(all_rows)
         remark(f"{len(chosen)} runs; by hand: " + shlex.join(
-            ["pliant-sweep", str(table.file), "--output", str(table.runs), "-j", str(jobs)]))
-        states = run_rows(table.file, all_rows, folders, self.program, jobs, self.given.retry) if chosen else {}
+            ["pliant-sweep", str(table.file), "--output", str(table.runs), "-j", str(jobs), *["--ensembles"] * ensembles]))
+        states = {}
         if chosen:
+            check_options(table.file, all_rows, self.program, table.file.absolute().parent)
+            states = run_rows(table.runs, folders, self.program, jobs, retry=self.given.retry, ensembles=ensembles)
             write_results(table.runs, folders)
             remark(count_text(states.values()))
         bad = [folder for folder in folders if states[folder.row.id].kind == "failed"]
@@ -180,7 +183,7 @@ class _Runs:
     def measure(self, figure, table, skip=()):
         """DataFrame of the table's finished runs, without the rows in `skip`."""
         found = []
-        for row, folder in self._sweep(table, skip):
+        for row, folder in self._sweep(table, skip, figure.ensembles):
             try:
                 found.append(measured(figure.measure, row, folder))
             except RunError as error:

@@ -17,7 +17,7 @@ _FOLDERS = Path(__file__).resolve().parents
 VALIDATION = next(filter(Path.is_dir, (folder / "share/pliant/validation" for folder in _FOLDERS)), _FOLDERS[3] / "validation")
 LEVELS = ("quick", "full", "as-run")
 #: Options in which runs of one point may differ.
-FREE = ("seed", "t_end", "frame_interval", "sample_interval", "checkpoint_interval", "max_wall_time", "threads", "pushes")
+FREE = ("seed", "t_end", "strain", "frame_interval", "sample_interval", "checkpoint_interval", "max_wall_time", "threads", "pushes")
 #: Two values agree if they differ by at most this many joint standard errors.
 AGREE = 2.0
 
@@ -58,13 +58,14 @@ class Figure:
     #: Raises RunError for rows, [(path, Row)], that change several options at once, where the figure shows the effect of one each.
     single: Callable | None = None
     together: tuple = ()  #: tables in which options change together on purpose: not checked by `single`
+    ensembles: bool = False  #: whether runs take seconds: rows that differ only in the seed run in one process
 
     def shown(self, runs):
         """The rows of `runs` (columns model and dim) that the figure shows. Raises RunError if there are none, or for runs
         in 3D if the figure is in 2D."""
         if self.planar and (runs["dim"] == 3).any():
-            raise RunError("there are runs in 3D, but this figure shows 2D runs only: leave them out (H3, H4 and "
-                           "coefficients-3d have spheres)")
+            raise RunError("there are runs in 3D, but this figure shows 2D runs only: leave them out (H3, H4, "
+                           "coefficients-3d and J3 have spheres)")
         if not self.kind:
             return runs
         own = runs[runs["model"].isin(KINDS[self.kind])]

@@ -28,6 +28,11 @@ _PROFILE = ["hopper_width", "dim"]
 DISTRIBUTION = ("distribution", "radii", "counts")
 #: Further options that a table of channel runs may vary.
 CHANNEL_OPTIONS = ("area_fraction", *parameters("channel"), "plunger_speed", "retract_speed", "stiffness", "dt")
+#: Options of packings that figures distinguish; `fraction`, of the start, is `start_fraction`.
+_PACKING = ["model", "dim", "path", "start_pressure", "size_distribution", "n_vertices", "shape_parameter", "k_b"]
+#: Results of a packing.
+_PACKED = ["pressure", "fraction", "rim_fraction", "contacts", "touching_pairs", "backbone", "coordination", "shear_modulus"]
+_FLOWING = ["model", "dim", "shear_rate", "zeta", *(name + end for name in ("flow_stress", "flow_pressure") for end in ("", "_error"))]
 NEIGHBOURS = (11, 15, 20)  #: in D2_min, which [T] tried
 _CURVE = 300  # number of samples of a stored force curve
 
@@ -85,6 +90,18 @@ def forces(run):
 def clogs(run):
     """How a run of the scenario clog has ended."""
     return pd.DataFrame([_columns(run, _CLOG)])
+
+
+def packings(run):
+    """Fraction, contacts and shear modulus of each packing."""
+    series = run.series[run.series["time"] > 0]
+    found = pd.DataFrame({name: series[name] if name in series else np.nan for name in _PACKED})
+    return found.assign(start_fraction=run.parameters["fraction"], **_columns(run, _PACKING))
+
+
+def shear_flows(run):
+    """Stress and pressure of a steady shear flow; NaN if it is not steady."""
+    return pd.DataFrame([_columns(run, _FLOWING) | {"fraction": run.parameters["fraction"]}])
 
 
 def _entry(result, name, region):
@@ -225,8 +242,8 @@ def snapshots(run):
         **_distribution(run, {"polydispersity": kept.polydispersity}))
 
 
-MEASURES = {f.__name__: f for f in (flows, readings, profiles, reductions, fractures, forces, clogs, motion, intervals, sizes,
-                                    distances, neighbours, cells, snapshots)}
+MEASURES = {f.__name__: f for f in (flows, readings, profiles, reductions, fractures, forces, clogs, packings, shear_flows,
+                                    motion, intervals, sizes, distances, neighbours, cells, snapshots)}
 
 
 def _commit(run):

@@ -1,4 +1,5 @@
-"""Values reported by the papers, the only place for them. [H]: Hopper flows of deformable particles; [T]: the thesis.
+"""Values reported by the papers, the only place for them. [H]: Hopper flows of deformable particles; [T]: the thesis; [O]:
+C. S. O'Hern et al., Phys. Rev. E 68, 011306 (2003); others by author and year.
 
 `error` is the printed error. For a number with "about", or without an error, it is half a unit of the last digit; for an
 exact exponent it is 0.
@@ -92,3 +93,21 @@ B = Published(0.029, 0.001, "T Fig. 4.5")
 #: B that gives P_clog = 1/2 [T 4.20, N = 190] at the w* of the thesis itself, with its A.
 B_OF_W_STAR = Published(math.log(A.value * (190 / math.log(2) + 1)) / (2 * W_SLOPE.value) ** 2,
                         A.error / A.value / (2 * W_SLOPE.value) ** 2, "T 4.20 with A = 0.12 at w* = 5.92 delta [T Fig. 4.4]")
+
+#: Fraction at which quenched random packings jam, and their contacts, by dimension: bidisperse disks, equal spheres.
+ONSET = {2: Published(0.842, 0.001, "O, N to infinity"), 3: Published(0.639, 0.001, "O, N to infinity")}
+ONSET_Z = {2: Published(3.98, 0.02, "O; isostatic: 4"), 3: Published(5.98, 0.03, "O; isostatic: 6")}
+#: Exponents of the number of particles in the width of the distribution of phi_J; nu of the shift of phi_J, N^(-1/(d nu)).
+ONSET_WIDTH = Published(-0.55, 0.03, "O")
+ONSET_NU = 0.71
+#: Packings without pressure are isostatic: d (N' - 1) + 1 contacts of N' particles.
+ISOSTATIC = Published(1.0, 0.0, "counting of constraints")
+#: Exponents of phi - phi_J of harmonic particles.
+JAMMED_POWER = {"p": Published(1.0, 0.0, "O"), "Z - Z_iso": Published(0.5, 0.0, "O"), "G": Published(0.5, 0.0, "O")}
+#: Shape parameter at which packings of deformable polygons fill the box.
+CONFLUENT_SHAPE = 1.16
+CONFLUENCE = Published(1.0, 0.01, "A. Boromand et al. 2018: confluence at 1.16")
+#: Exponents of the shear stress in the shear rate, with drag relative to the flow, as the rate goes to 0: below the fraction at
+#: which flows jam, and at it.
+FLOW_JAMMED = 0.8434
+FLOW_POWER = {"below": Published(1.0, 0.0, "Newtonian"), "at": Published(0.28, 0.02, "P. Olsson and S. Teitel 2011")}
