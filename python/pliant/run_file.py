@@ -278,6 +278,8 @@ class RunFile:
         which it only appends: the structures that lead to frames and chunks of rows."""
         file = h5py.File(snapshot, "r")
         frames = _numbered(file["frames"]) if _has(file, "frames") else []
+        if _has(file, "members"):  # of an ensemble
+            len(file["members"])
         for table in _TABLES:
             for name in _names(file[table]) if _has(file, table) else ():
                 dataset = file[f"{table}/{name}"]

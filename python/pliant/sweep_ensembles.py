@@ -34,8 +34,8 @@ def _seed(row):
 
 
 class EnsembleFolder:
-    """The folder of an ensemble of rows (RowFolder) with consecutive seeds. The folder exists until its runs are in the folders of
-    the rows; if the sweep is killed, the next sweep collects the runs."""
+    """The folder of an ensemble of rows (RowFolder) with consecutive seeds. A run is given to the folder of its row when it has ended.
+    The folder of the ensemble exists until all have ended; if the sweep is killed, the next sweep collects the runs."""
 
     environment = {"OMP_NUM_THREADS": "1"}  #: changes of the environment of the program
 
@@ -69,15 +69,28 @@ class EnsembleFolder:
         self.collect()
         if code not in (0, _STOPPED_CODE):
             for row in self.rows:
-                if row.state().kind == "stopped":  # neither its run nor another sweep has written down more
-                    row.end(code, output)
+                if row.state().kind == "stopped":
+                    row.end(code, self._in_folder_of(row, output))
+
+    def hand_over(self):
+        """Gives each run that has ended, since the last call, to its row, also while other runs continue. Returns these rows. Raises
+        RunError."""
+        if not (self.path / "ensemble.h5").exists():
+            return []
+        new = []
+        with contextlib.closing(RunFile(self.path / "ensemble.h5")) as file:
+            members, first = file["members"], json.loads(file.text(file["ensemble"]))["first_seed"]
+            for row in self.rows:
+                if row.awaits_ensemble() and (name := f"{_seed(row) - first:06d}") in members:
+                    self._write_row(row, members[name], json.loads(file.text(members[name]["summary"])))
+                    new.append(row)
+        return new
 
     def collect(self):
-        """Hands the runs that have ended over to their rows, and removes the folder. If two processes call this, the first one does it."""
+        """Gives the runs that have ended to their rows, and removes the folder. If two processes call this, the first one does it."""
         try:
             with self._locked(), contextlib.suppress(FileNotFoundError):
-                if (self.path / "ensemble.h5").exists():
-                    self._hand_over()
+                self.hand_over()
                 shutil.rmtree(self.path)
         except RunError as error:
             remark(f"{error}; the runs of this ensemble start again")
@@ -90,33 +103,27 @@ class EnsembleFolder:
                 fcntl.flock(stack.enter_context(open(self.path / "run.lock", "r+b", opener=no_links)), fcntl.LOCK_EX)
             yield
 
-    def _hand_over(self):
-        file = RunFile(self.path / "ensemble.h5")
-        rows = {_seed(row): row for row in self.rows}
-        members = file["members"]
-        for name in members.names():
-            summary = json.loads(file.text(members[name]["summary"]))
-            row = rows.get(summary["seed"])
-            if row is not None and not row.runs_alone():  # another sweep may have started it alone
-                _write_row(row, members[name], summary)
-        file.close()
+    def _in_folder_of(self, row, text):
+        """A text of the program, which knows the folder of the ensemble alone, with the folder of a row."""
+        return text.replace(str(self.path), str(row.path))
 
-
-def _write_row(row, member, summary):
-    """The files of a run alone, without checkpoints and run.xdmf. The summary is the last file, because it makes the row done."""
-    output = [f"pliant: warning: {text}" for text in summary.pop("warnings")]
-    failed = summary["status"] == "failed"
-    if failed:
-        output.append(f"pliant: error: {summary.get('message')}")
-    for name in ("seed", "results"):  # entries that only members have
-        del summary[name]
-    text = "".join(f"{line}\n" for line in output)
-    with open(row.log_path, "a", encoding="utf-8", opener=no_links) as log:
-        log.write(text)
-    if "manifest" in member:
-        part = row.path / ".run.h5.tmp"
-        part.unlink(missing_ok=True)
-        write_member(member, part)
-        os.replace(part, row.path / "run.h5")
-    write_json(row.path / "summary.json", summary)
-    row.end(_FAILED_CODE if failed else 0, text)
+    def _write_row(self, row, member, summary):
+        """The files of a run alone, without checkpoints and run.xdmf. The summary is the last file, because it makes the row done."""
+        warnings = [self._in_folder_of(row, text) for text in summary.pop("warnings")]
+        output = [f"pliant: warning: {text}" for text in warnings]
+        failed = summary["status"] == "failed"
+        if failed:
+            summary["message"] = self._in_folder_of(row, str(summary.get("message")))
+            output.append(f"pliant: error: {summary['message']}")
+        for name in ("seed", "results"):  # entries that only members have
+            del summary[name]
+        text = "".join(f"{line}\n" for line in output)
+        with open(row.log_path, "a", encoding="utf-8", opener=no_links) as log:
+            log.write(text)
+        if "manifest" in member:
+            part = row.path / ".run.h5.tmp"
+            part.unlink(missing_ok=True)
+            write_member(member, part)
+            os.replace(part, row.path / "run.h5")
+        write_json(row.path / "summary.json", summary)
+        row.end(_FAILED_CODE if failed else 0, text)

@@ -39,6 +39,8 @@ _LENGTHS = ("t_end", "pushes")
 #: Options of rows that do not run in an ensemble: they would be options of all runs together.
 _ALONE = ("threads", "max_wall_time")
 _LARGEST_OPTIONS = 1 << 16  # bytes of an options file that the program reads
+# Time between two looks at a running ensemble: at least this, in s, and so many times the time of a look.
+_LEAST_PAUSE, _PATIENCE = 1.0, 20
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,7 +70,7 @@ def restart_rules(program, scenario):
 class RowFolder:
     """The folder of a row: the run's own files, log.txt, and row.json with the options it was started with and how the
     last attempt ended. The program locks the folder while it runs there. A row of an ensemble has the name of the ensemble's
-    folder in row.json, no checkpoints, and its files once the ensemble has ended."""
+    folder in row.json, no checkpoints, and its files once its run has ended."""
 
     slots = 1  #: runs at a time
 
@@ -120,6 +122,15 @@ class RowFolder:
         """The folder of the ensemble of the row's last attempt, which may be gone; None if the row ran alone. Raises RunError."""
         name = self._record().get("ensemble")
         return None if name is None else self.path.parent / FOLDER / name
+
+    def awaits_ensemble(self):
+        """Whether the row is in an ensemble whose run of this row has not been given to it."""
+        record = self._record()
+        return "ensemble" in record and "exit_code" not in record
+
+    def hand_over(self):
+        """Rows that have ended while others of their ensemble run: none."""
+        return []
 
     def _write_record(self, record):
         write_json(self.path / "row.json", record)
@@ -175,8 +186,8 @@ class RowFolder:
     def state(self):
         """The status of the row."""
         try:
-            summary, record, ensemble = self._summary(), self._record(), self.ensemble()
-            holds = holder(self.path) or (ensemble and holder(ensemble))
+            summary, record = self._summary(), self._record()
+            holds = holder(self.path) or (holder(self.ensemble()) if self.awaits_ensemble() else None)
         except RunError as error:  # the other rows continue
             return State("failed", "failed", str(error))
         status = None if _digest(summary) == record.get("outdated_summary_sha256") else summary.get("status")
@@ -239,12 +250,8 @@ class RowFolder:
     def may_start_in_an_ensemble(self):
         """Whether there is nothing to resume or to branch from, and no other reason to run the row alone."""
         return (self.row.options.get("seed", "").isdigit() and not any(name in self.row.options for name in _ALONE)
-                and not self.runs_alone() and (self.ensemble() is not None or not (self.path / "run.h5").exists())
+                and not self._has_run() and (self.ensemble() is not None or not (self.path / "run.h5").exists())
                 and self._shorter() is None)
-
-    def runs_alone(self):
-        """Whether the folder holds a run that can be resumed, or is in use: not a run of an ensemble."""
-        return self._has_run() or holder(self.path) is not None
 
     def settings(self):
         """All settings of the row but its seed, as a text."""
@@ -347,9 +354,12 @@ class _Job:
         """`task`: a RowFolder or an EnsembleFolder"""
         self.task = task
         self.asked = self.killed = False
+        self.left = list(task.rows)  #: rows whose runs have not ended
+        self.done = 0                #: number of runs that are done
+        self._next_hand_over = 0.0
         self.started = time.monotonic()
         command = task.start(program)
-        self._log = open(task.log_path, "a+b", opener=no_links)  # stays readable if another sweep removes an ensemble
+        self._log = open(task.log_path, "a+b", opener=no_links)
         self._log_start = self._log.seek(0, os.SEEK_END)
         self.process = subprocess.Popen(command, cwd=task.base, stdin=subprocess.DEVNULL, stdout=self._log, stderr=subprocess.STDOUT,
                                         env=os.environ | task.environment, preexec_fn=_stop_with(os.getpid()))
@@ -363,6 +373,19 @@ class _Job:
     def refused(self):
         """Whether another process ran in the folder."""
         return self.process.returncode == IN_USE_CODE
+
+    def hand_over(self):
+        """Rows that have ended since the last call while others of their ensemble run."""
+        if time.monotonic() < self._next_hand_over:
+            return []
+        started = time.monotonic()
+        try:
+            return self.task.hand_over()
+        except RunError:  # reported at the end
+            return []
+        finally:
+            now = time.monotonic()
+            self._next_hand_over = now + max(_LEAST_PAUSE, _PATIENCE * (now - started))
 
     def ended(self):
         if self.process.poll() is None:
@@ -384,7 +407,8 @@ class Sweep:
         self._folders, self._program, self._workers = folders, program, workers
         self._retry, self._patient, self._ensembles = retry, patient, ensembles
         self._terminal = sys.stdout.isatty()
-        self._jobs, self._seconds = [], []
+        self._jobs = []
+        self._ended = [0.0, 0]  # time of ended jobs, for each run at a time, and number of their runs that are done
         self._taken = []  # folders in use by other processes, and when to try them again
         self._reported = {}
         self._stop_at, self._kill, self._shown_at = None, False, 0.0
@@ -426,10 +450,13 @@ class Sweep:
             todo.extend(folder for folder, at in self._taken if at <= time.monotonic())
             self._taken = [(folder, at) for folder, at in self._taken if at > time.monotonic()]
             while todo and todo[-1].slots <= self._free() and self._stop_at is None:
-                todo.extend(self._begin(todo.pop()))
-            for job in [job for job in self._jobs if job.ended()]:
-                self._jobs.remove(job)
-                self._finish(job)
+                self._begin(todo.pop())
+            for job in list(self._jobs):
+                if job.ended():
+                    self._jobs.remove(job)
+                    self._finish(job)
+                else:
+                    self._take(job, job.hand_over())
             self._ask_to_stop()
             self._progress()
             if self._jobs or self._taken:
@@ -458,22 +485,32 @@ class Sweep:
                 EnsembleFolder.of_rows(ensemble, folder.rows_of(ensemble)).collect()
 
     def _begin(self, task):
-        """Starts a task whose rows are left to do. Returns the tasks of the others, if only some are."""
+        """Starts a task if its rows are left to do."""
         try:
             for folder in task.rows:
                 folder.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OutputError(f"{folder.path}: cannot be made ({error.strerror})") from None
-        left = [folder for folder in task.rows if self._is_left(folder)]
-        if len(left) < len(task.rows):
-            return self._tasks(left)
+        if not all([self._is_left(folder) for folder in task.rows]):
+            return
         try:
             self._jobs.append(_Job(task, self._program))
         except OSError as error:
             raise OutputError(f"row '{task.rows[0].row.id}' cannot be started ({error.filename}: {error.strerror})") from None
-        for folder in task.rows:
-            self.states[folder.row.id] = State("running", "running")
-        return []
+        self._take(self._jobs[-1], [])
+
+    def _take(self, job, ended):
+        """Reports rows of a job that have ended. Of the others, as many run as there are slots: the program runs them in order."""
+        for folder in ended:
+            job.left.remove(folder)
+            self._end(job, folder, folder.state())
+        for k, folder in enumerate(job.left):
+            kind = "running" if k < job.task.slots else "waiting"
+            self.states[folder.row.id] = State(kind, kind)
+
+    def _end(self, job, folder, state):
+        job.done += state.kind == "done"
+        self._report(folder, state)
 
     def _is_left(self, folder):
         """Whether a row is still to be run; reports it if another sweep was here meanwhile."""
@@ -488,16 +525,13 @@ class Sweep:
         return False
 
     def _finish(self, job):
-        done = 0
-        for folder in job.task.rows:
+        for folder in job.left:
             state = folder.state()
             if job.refused and state.kind != "done":
-                by = holder(folder.path) or (folder.ensemble() and holder(folder.ensemble())) or "another process"
-                self._leave(folder, State("running", "running", by))
-                continue
-            done += state.kind == "done"
-            self._report(folder, state)
-        self._seconds += [job.seconds / max(done, 1)] * done
+                self._leave(folder, state if state.kind == "running" else State("running", "running", "another process"))
+            else:
+                self._end(job, folder, state)
+        self._ended = [self._ended[0] + job.seconds, self._ended[1] + job.done]
 
     def _leave(self, folder, state):
         """To the process that runs in the folder."""
@@ -529,14 +563,20 @@ class Sweep:
         line = count_text(self.states.values())
         if self._stop_at is not None:
             line = "stopping: " + line
-        elif self._seconds:
-            line += f", ETA {duration_text(self._left_seconds())}"
+        elif (left := self._left_seconds()) is not None:
+            line += f", ETA {duration_text(left)}"
         self._clear_line()
         print(line, end="", flush=True)
 
     def _left_seconds(self):
-        mean = sum(self._seconds) / len(self._seconds)
-        waiting = sum(state.kind in ("waiting", "stopped") for state in self.states.values())
+        """Estimated time to the end, from the mean time of a run; None while no run is done."""
+        measured = [job for job in self._jobs if job.done]
+        done = self._ended[1] + sum(job.done for job in measured)
+        if not done:
+            return None
+        mean = (self._ended[0] + sum(job.seconds for job in measured)) / done
+        begun = [folder.row.id for job in self._jobs for folder in job.task.rows]
+        waiting = sum(state.kind in ("waiting", "stopped") for row, state in self.states.items() if row not in begun)
         return (waiting * mean + sum(max(mean * len(job.task.rows) - job.seconds, 0) for job in self._jobs)) / self._workers
 
     def _clear_line(self):

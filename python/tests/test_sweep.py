@@ -18,8 +18,9 @@ import pytest
 from synthetic import write_run
 
 from pliant import PliantError, RunError, load_table, sweep_jobs
-from pliant.files import write_atomically
+from pliant.files import read_json, write_atomically
 from pliant.sweep_command import main
+from pliant.sweep_ensembles import EnsembleFolder
 from pliant.sweep_jobs import RowFolder, State, Sweep, count_text, duration_text, holder
 from pliant.sweep_rows import canonical, expand_seeds, read_rows
 
@@ -205,6 +206,19 @@ def test_a_damaged_summary_leaves_the_other_rows(table, tmp_path, run):
     run(path, code=3)
     results = pd.read_csv(tmp_path / "t/results.csv", index_col="row")
     assert list(results["status"]) == ["failed", "done"] and "summary.json: is damaged" in results["message"]["x"]
+
+
+def test_messages_of_a_run_in_an_ensemble_name_the_folder_of_its_row(table, tmp_path):
+    row = RowFolder(tmp_path / "t", rows_of(table("a,seed", "1,5"))[0], tmp_path)
+    row.path.mkdir(parents=True)
+    ensemble = EnsembleFolder([row], 1)
+    row.start_in(ensemble.path.name)
+    ensemble._write_row(row, {}, {"status": "failed", "seed": 5, "results": [], "warnings": [f"see {ensemble.path}/x"],
+                                  "message": f"resume with -restart '{ensemble.path}'"})
+    state = row.state()
+    assert state.kind == "failed" and state.message == f"exit code 3: pliant: error: resume with -restart '{row.path}'"
+    assert f"see {row.path}/x" in row.log_path.read_text(encoding="utf-8")
+    assert read_json(row.path / "summary.json")["message"] == f"resume with -restart '{row.path}'"
 
 
 def test_missing_table(tmp_path):
@@ -564,6 +578,28 @@ def test_progress_line(table):
         text += os.read(leader, 1000)
     assert process.wait(PATIENCE) == 3
     os.close(leader)
+
+
+def test_progress_of_an_ensemble(table, tmp_path):
+    """Runs that have ended count as done, as many of the others as there are slots as running; the time left follows from them."""
+    path = table("a,seeds", "1,1-20")
+    folders = [RowFolder(path.with_suffix(""), row, path.parent, PROGRAM) for row in rows_of(path)]
+    working = Sweep(folders, PROGRAM, 2, ensembles=True)
+    working.states = {folder.row.id: folder.state() for folder in folders}
+    [task] = working._tasks(folders)
+    for folder in folders:
+        folder.path.mkdir(parents=True)
+        folder.start_in(task.path.name)
+    job = object.__new__(sweep_jobs._Job)
+    job.task, job.left, job.done, job.started = task, list(task.rows), 0, time.monotonic() - 30
+    working._jobs.append(job)
+    working._take(job, [])
+    assert count_text(working.states.values()) == "done 0/20, running 2, failed 0, waiting 18" and working._left_seconds() is None
+    for folder in task.rows[:5]:
+        task._write_row(folder, {}, {"status": "done", "seed": 0, "results": [], "warnings": []})
+    working._take(job, task.rows[:5])
+    assert count_text(working.states.values()) == "done 5/20, running 2, failed 0, waiting 13"
+    assert working._left_seconds() == pytest.approx(90, rel=0.05)  # 15 runs at the pace of 5 in 30 s
 
 
 def test_status_changes_nothing(table, tmp_path, run):

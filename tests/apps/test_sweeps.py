@@ -191,12 +191,14 @@ def test_an_interrupted_sweep_keeps_the_runs_of_its_ensemble(how, tmp_path):
     stored = tmp_path / "t/.ensembles/pack,n=60,pressure=1e-05,seed=1/ensemble.h5"
     wait_for(lambda: stored.exists() and stored.stat().st_size > 2e6, process)
     if how == signal.SIGKILL:
-        assert "running 40" in sweep(table, "--status", code=75)
+        counts = re.search(r"done (\d+)/40, running (\d+)", sweep(table, "--status", code=75))
+        assert int(counts[1]) + int(counts[2]) == 40 and int(counts[2]) > 0
     process.send_signal(how)
     process.communicate(timeout=HANGS)
     assert process.returncode == (75 if how == signal.SIGTERM else -how)
     if how == signal.SIGKILL:  # the ensemble stops when the sweep has ended
-        wait_for(lambda: "stopped 40" in start(table, "--status").communicate()[0])
+        wait_for(lambda: "running 0" in start(table, "--status").communicate()[0])
+        assert "stopped" in sweep(table, "--status", code=75)
     else:
         assert "stopped" in sweep(table, "--status", code=75)
     process = start(table, "--ensembles", "-j", 2)
@@ -239,6 +241,37 @@ def test_a_sweep_with_ensembles_works_alone(tmp_path):
     assert "another pliant-sweep" in sweep(table, "--ensembles", code=6)
     together.send_signal(signal.SIGTERM)
     together.communicate(timeout=HANGS)
+
+
+def test_rows_of_an_ensemble_end_one_after_the_other(tmp_path):
+    """Each has its files, its status and its line of the output while others run, and the results of a row alone."""
+    options = SMALL | {"t_end": 100, "frame_interval": 10}
+    table = write_table(tmp_path / "t.csv", options | {"seeds": "1-12"})
+    process = start(table, "--ensembles", "-j", 1)
+    row = tmp_path / "t" / name_of(options | {"seed": 1})
+    wait_for((row / "summary.json").exists, process)
+    assert ensembles_left(tmp_path / "t") and Results(row).summary["status"] == "done"
+    counts = re.search(r"done (\d+)/12, running (\d+), failed 0, waiting 0", sweep(table, "--status", code=75))
+    assert 0 < int(counts[1]) < 12
+    process.send_signal(signal.SIGTERM)
+    output, _ = process.communicate(timeout=HANGS)
+    rows = re.findall(r"^row (\d+) \(.*\): (\w+)$", output, re.MULTILINE)
+    assert process.returncode == 75 and rows[0] == ("1", "done") and rows[-1][1] == "stopped"
+    assert sorted(int(row) for row, _ in rows) == list(range(1, 13))  # each once
+    hopper(tmp_path / "alone", **options | {"seed": 1})
+    assert_same_rows(row, tmp_path / "alone")
+
+
+def test_a_message_on_an_ensemble_names_the_folders_of_its_rows(tmp_path):
+    table = write_table(tmp_path / "t.csv", SMALL | {"seeds": "1-2"})
+    folder = tmp_path / "t/.ensembles" / name_of(SMALL | {"seed": 1})
+    folder.mkdir(parents=True)
+    (folder / "run.h5").touch()
+    output = sweep(table, "--ensembles", code=3)
+    for seed in (1, 2):
+        row = tmp_path / "t" / name_of(SMALL | {"seed": seed})
+        assert f"{row} holds a single run" in output and ".ensembles" not in output
+    assert "done 2/2" in sweep(table, "--ensembles", "--retry")
 
 
 def test_a_longer_row_of_an_ensemble_starts_again(tmp_path):
