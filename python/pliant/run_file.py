@@ -278,7 +278,7 @@ class RunFile:
         which it only appends: the structures that lead to frames and chunks of rows."""
         file = h5py.File(snapshot, "r")
         frames = _numbered(file["frames"]) if _has(file, "frames") else []
-        if _has(file, "members"):  # of an ensemble
+        if _has(file, "members"):  # an ensemble has them
             len(file["members"])
         for table in _TABLES:
             for name in _names(file[table]) if _has(file, table) else ():

@@ -104,7 +104,7 @@ class EnsembleFolder:
             yield
 
     def _in_folder_of(self, row, text):
-        """A text of the program, which knows the folder of the ensemble alone, with the folder of a row."""
+        """A text of the program, which contains the folder of the ensemble, with the folder of a row."""
         return text.replace(str(self.path), str(row.path))
 
     def _write_row(self, row, member, summary):

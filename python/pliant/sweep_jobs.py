@@ -39,7 +39,7 @@ _LENGTHS = ("t_end", "pushes")
 #: Options of rows that do not run in an ensemble: they would be options of all runs together.
 _ALONE = ("threads", "max_wall_time")
 _LARGEST_OPTIONS = 1 << 16  # bytes of an options file that the program reads
-# Time between two looks at a running ensemble: at least this, in s, and so many times the time of a look.
+# Time between two checks of a running ensemble: at least this, in s, and so many times the time of a check.
 _LEAST_PAUSE, _PATIENCE = 1.0, 20
 
 

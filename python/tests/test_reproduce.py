@@ -1293,13 +1293,13 @@ def test_errors_of_slopes_contain_correlations():
     rng = np.random.default_rng(3)
 
     def sample():
-        common = rng.normal(0, 0.2, (30, 1))  # of both states of a run
-        x = np.array([1e-2, 1e-3]) * np.exp(rng.normal(0, 0.05, (30, 2)))
-        return packings._slope(x, x**0.5 * np.exp(common + rng.normal(0, 0.1, (30, 2))))
+        common = rng.normal(0, 0.2, (30, 1))  # both states of a run share it
+        x = np.array([1e-2, 1e-3]) * np.exp(rng.normal(0, 0.2, (30, 2)))
+        return packings._slope(x, x**0.5 * np.exp(common + rng.normal(0, 0.02, (30, 2))))
 
     slopes, errors = np.array([sample() for _ in range(300)]).T
-    assert slopes.mean() == pytest.approx(0.5, abs=0.005)
-    assert errors.mean() == pytest.approx(slopes.std(), rel=0.12)
+    assert slopes.mean() == pytest.approx(0.5, abs=0.01)
+    assert errors.mean() == pytest.approx(slopes.std(), rel=0.15)
     assert np.isnan(packings._slope(np.ones((1, 2)) * [2, 1], np.ones((1, 2)) * [2, 1])[1])
 
 
