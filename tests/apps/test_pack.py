@@ -80,6 +80,12 @@ def test_a_symmetric_packing_is_no_saddle_point(tmp_path):
     assert frequencies[3] > 1e-2 and (abs(frequencies[:3]) < 1e-6).all()
 
 
+def test_particles_that_nothing_holds_leave_their_saddle_point(tmp_path):
+    """These equal spheres crystallise; below p = 1e-3 only chains along one axis would touch."""
+    s = pack(tmp_path / "run", n=128, dim=3, size_distribution="mono", seed=3).summary
+    assert s["pressure"] == pytest.approx(1e-6, rel=1e-4) and s["contacts"] > 300 and s["rattlers"] < 20
+
+
 def test_quench(tmp_path):
     loose = pack(tmp_path / "loose", path="quench", fraction=0.5).summary
     assert loose["pressure"] < 1e-9 and loose["contacts"] == 0 and loose["rattlers"] == 32

@@ -60,7 +60,7 @@ def test_version(command):
 
 def test_scenarios_for_scripts():
     result = pliant("-scenarios")
-    assert result.returncode == 0 and result.stdout == "hopper\nraft\nclog\nchannel\npack\nshear\n"
+    assert result.returncode == 0 and result.stdout == "hopper\nraft\nclog\nchannel\npack\nshear\nvibrate\n"
 
 
 def test_a_program_of_another_name(tmp_path):

@@ -168,9 +168,13 @@ void PackingProtocol<D>::run_minimiser(const MinimiserOptions& options) {
       throw NumericalError(
           "packing {} has not converged: {}; raise -max_iterations or -force_tolerance, or make steps smaller",
           this->state().step + 1, minimum_.reason);
-    if (minimum_.apart || !derivatives()) return;
-    const ContactNetwork<D> network = contact_network<D>(this->particles(), x(), p_.contact_threshold);
-    if (network.backbone == 0 || !leave_saddle<D>(this->particles(), x(), network.rattlers)) return;
+    if (minimum_.apart) return;
+    ContactNetwork<D> network = contact_network<D>(this->particles(), x(), p_.contact_threshold);
+    // Particles that push each other though nothing holds them are at a saddle point, for example chains in a crystal.
+    const bool held = network.backbone > 0;
+    if (held && !derivatives()) return;
+    if (!held) network.rattlers.clear();
+    if (!leave_saddle<D>(this->particles(), x(), network.rattlers)) return;
     if (saddles == most_saddles)
       throw NumericalError(
           "packing {}: {} minimisations in a row have ended at saddle points of the energy; use another -seed or "
