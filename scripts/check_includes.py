@@ -28,7 +28,7 @@ USES = {
     "setup": ["system", "catalogue"],
     "run": ["ts", "io", "analysis", "setup", "jamming"],
     "scenarios/droplets": ["run"],
-    "scenarios/particles": ["setup"],
+    "scenarios/particles": ["run"],
     "scenarios/hopper": ["run", "scenarios/particles"],
     "scenarios/packings": ["run", "scenarios/particles"],
     "scenarios/vibrate": ["run", "scenarios/particles"],

@@ -30,6 +30,7 @@
 #include <pliant/scenarios/hopper/passage.h>
 #include <pliant/scenarios/hopper/report.h>
 #include <pliant/scenarios/hopper/steps.h>
+#include <pliant/scenarios/particles/options.h>
 #include <pliant/setup/reinsertion.h>
 #include <pliant/system/point_drag.h>
 #include <pliant/ts/ts_integrator.h>
@@ -49,11 +50,7 @@ template <int D>
 std::unique_ptr<Simulation<D>> make_simulation(const HopperOptions& p, const Ranks& ranks) {
   ParticleSystem<D> particles({}, p.container->walls<D>(), p.force_field<D>(down<D>()), p.first_skin(), ranks);
   if (!p.skin) particles.tune_skin();
-  Topology all =
-      p.start.given()
-          ? p.start.particles().topology
-          : make_particles(p.model.particles(), D,
-                           draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)), p.shape);
+  Topology all = start_topology(p.start, p.model, D, p.sizes, p.particles, p.seed, p.shape);
   const Sorting sorting = p.integrator == IntegratorKind::verlet ? Sorting::regularly : Sorting::at_start;
   if (p.dynamics == Dynamics::inertial)
     return std::make_unique<Simulation<D>>(std::move(all), std::move(particles), sorting);

@@ -195,13 +195,7 @@ void HopperOptions::take_start(const std::optional<Checkpoint>& checkpoint) {
   if (start.given() && dim == 3 && deformable())
     throw InputError("-start with -dim 3 and -model {}: runs of deformable surfaces start from a packing; leave it out",
                      model.name);
-  start.take({.dim = dim,
-              .model = model.name,
-              .polygons = deformable(),
-              .rotates = model.particles() == ModelKind::disk,
-              .length = "sigma_avg",
-              .edge_width = model.particles() == ModelKind::smooth ? std::optional(shape.edge_width) : std::nullopt},
-             checkpoint);
+  start.take(start_needs(model, dim, shape), checkpoint);
   if (start.given()) particles = start.particles().topology.particles();
 }
 

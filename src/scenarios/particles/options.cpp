@@ -96,6 +96,21 @@ void bind_packing(Options& options, std::optional<Real>& fraction, Real& toleran
 
 Real default_pack_fraction(int dim) { return dim == 2 ? 0.84 : 0.64; }
 
+StartNeeds start_needs(const ModelChoice& model, int dim, const PolygonShape& shape) {
+  return {.dim = dim,
+          .model = model.name,
+          .polygons = model.deformable(),
+          .rotates = model.particles() == ModelKind::disk,
+          .length = "sigma_avg",
+          .edge_width = model.particles() == ModelKind::smooth ? std::optional(shape.edge_width) : std::nullopt};
+}
+
+Topology start_topology(const StartOption& start, const ModelChoice& model, int dim, const SizeDistribution& sizes,
+                        Index n, std::int64_t seed, const PolygonShape& shape) {
+  if (start.given()) return start.particles().topology;
+  return make_particles(model.particles(), dim, draw_diameters(sizes, n, static_cast<std::uint64_t>(seed)), shape);
+}
+
 void explain_gravitational_units(Options& o) {
   const auto unit = [](const char* name, const char* of) {
     return fmt::format(

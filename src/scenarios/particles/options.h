@@ -7,6 +7,7 @@
 
 #include <pliant/base/options.h>
 #include <pliant/catalogue/model_choice.h>
+#include <pliant/run/start_particles.h>
 #include <pliant/setup/particles.h>
 
 namespace pliant {
@@ -18,7 +19,7 @@ void bind_sizes(Options& options, SizeDistribution& sizes);
 void bind_shape(Options& options, PolygonShape& shape);
 /// Sets a number of vertices that is 0. Errors: InputError for fewer than 3 vertices.
 void resolve_vertices(PolygonShape& shape, int dim);
-/// Errors: InputError for a shape parameter that is smaller than that of the regular polygon.
+/// Errors: InputError if the shape parameter is below the shape parameter of the regular polygon.
 void check_regular_shape(const PolygonShape& shape);
 /// Errors: InputError if the user has given one of these options, which `by` ("-path quench") does not read.
 void refuse_unread_by(const std::string& by, const Options& options, std::initializer_list<const char*> names);
@@ -29,6 +30,12 @@ void refuse_unread_particles(const Options& options, const ModelChoice& model, c
 void bind_packing(Options& options, std::optional<Real>& fraction, Real& tolerance);
 /// Automatic value of -pack_fraction.
 Real default_pack_fraction(int dim);
+
+/// Particles that a run of this model, in units of σ_avg, takes from -start.
+StartNeeds start_needs(const ModelChoice& model, int dim, const PolygonShape& shape);
+/// The particles of -start or, without this option, n particles with random diameters.
+Topology start_topology(const StartOption& start, const ModelChoice& model, int dim, const SizeDistribution& sizes,
+                        Index n, std::int64_t seed, const PolygonShape& shape);
 
 /// Explains names that users try for quantities that are 1 in the units σ_avg = g = ρ = 1.
 void explain_gravitational_units(Options& options);

@@ -103,13 +103,7 @@ void VibrateOptions::bind(Options& o) {
 }
 
 void VibrateOptions::take_start(const std::optional<Checkpoint>& checkpoint) {
-  start.take({.dim = dim,
-              .model = model.name,
-              .polygons = deformable(),
-              .rotates = model.particles() == ModelKind::disk,
-              .length = "sigma_avg",
-              .edge_width = model.particles() == ModelKind::smooth ? std::optional(shape.edge_width) : std::nullopt},
-             checkpoint);
+  start.take(start_needs(model, dim, shape), checkpoint);
   if (start.given()) particles = start.particles().topology.particles();
 }
 

@@ -21,6 +21,7 @@
 #include <pliant/run/memory.h>
 #include <pliant/run/overlap_check.h>
 #include <pliant/run/wall_watch.h>
+#include <pliant/scenarios/particles/options.h>
 #include <pliant/scenarios/vibrate/options.h>
 #include <pliant/setup/packing.h>
 #include <pliant/ts/ts_integrator.h>
@@ -69,11 +70,7 @@ std::unique_ptr<Simulation<D>> make_simulation(const VibrateOptions& p, const Ra
   ParticleSystem<D> particles({}, std::move(walls), p.model.force_field<D>({.gravity = gravity}),
                               p.skin.value_or(usual_skin(p.model.particles(), D)), ranks);
   if (!p.skin) particles.tune_skin();
-  Topology all =
-      p.start.given()
-          ? p.start.particles().topology
-          : make_particles(p.model.particles(), D,
-                           draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)), p.shape);
+  Topology all = start_topology(p.start, p.model, D, p.sizes, p.particles, p.seed, p.shape);
   const Sorting sorting = p.integrator == VibrateIntegrator::verlet ? Sorting::regularly : Sorting::at_start;
   return std::make_unique<Simulation<D>>(std::move(all), std::move(particles), sorting);
 }
