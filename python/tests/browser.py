@@ -13,11 +13,18 @@ from pathlib import Path
 #: Names of the program; the shells of Debian are small packages without a window.
 _NAMES = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
 _TIMEOUT = 120  # s; for a page on a busy machine
+#: What Chromium answers to a command that was under way when the tab went to another page.
+_NAVIGATION = ("Inspected target navigated or closed", "Execution context was destroyed.", "Cannot find default execution context",
+               "Cannot find context with specified id")
 
 
 def find():
     """The path of Chromium, None if it is not installed."""
     return next(filter(None, map(shutil.which, _NAMES)), None)
+
+
+class Navigation(RuntimeError):
+    """The tab went to another page while it had a command."""
 
 
 class Browser:
@@ -94,7 +101,8 @@ class Browser:
             answer = self._next()
             if answer.get("id") == self._number:
                 if "error" in answer:
-                    raise RuntimeError(f"{method}: {answer['error']['message']}")
+                    fault = answer["error"]["message"]
+                    raise (Navigation if fault in _NAVIGATION else RuntimeError)(f"{method}: {fault}")
                 return answer["result"]
 
     def evaluate(self, expression):
@@ -105,9 +113,12 @@ class Browser:
         return answer["result"].get("value")
 
     def wait(self, expression):
-        """Waits until an expression is true."""
+        """Waits until an expression is true, also of a page to which the tab is on its way."""
         end = time.monotonic() + _TIMEOUT
-        while not self.evaluate(expression):
+        while True:
+            with contextlib.suppress(Navigation):
+                if self.evaluate(expression):
+                    return
             if time.monotonic() > end:
                 raise RuntimeError(f"{expression}: not true after {_TIMEOUT} s; {self.messages}")
             time.sleep(0.05)
