@@ -32,6 +32,12 @@ const char* restart_text(OnRestart policy) {
   return "";
 }
 
+/// What [H 8] and [T 2.5] mean; empty if the text has no such mark.
+std::string key_of_equations(const std::string& text) {
+  if (text.find("[H ") == std::string::npos && text.find("[T ") == std::string::npos) return "";
+  return "[H n] and [T n.m] are equations of the two publications that docs/README.md names.\n";
+}
+
 }  // namespace
 
 std::string Options::type_text(const Option& option) {
@@ -99,7 +105,9 @@ std::string Options::help(const std::string& group) const {
     });
     if (found == titles.end())
       throw InputError("-help {}: there is no such group; the groups are {}", group, fmt::join(titles, ", "));
-    return print(groups[static_cast<std::size_t>(found - titles.begin())]);
+    std::string text = print(groups[static_cast<std::size_t>(found - titles.begin())]);
+    if (const std::string key = key_of_equations(text); !key.empty()) text += '\n' + key;
+    return text;
   }
   std::string text;
   if (!most_used_.empty()) {
@@ -114,9 +122,7 @@ std::string Options::help(const std::string& group) const {
       "  -options_file <file>                options from a file: YAML or lines of -name value; may be repeated\n"
       "  -help (or -h), -version             print this, or the version, and stop\n"
       "PETSc's own options (-ts_type, -snes_rtol, -ksp_view, -log_view …) are passed on to PETSc.\n";
-  if (text.find("[H ") != std::string::npos || text.find("[T ") != std::string::npos)
-    text += "[H n] and [T n.m] are equations of the two publications that docs/README.md names.\n";
-  return text;
+  return text + key_of_equations(text);
 }
 
 std::string Options::markdown() const {

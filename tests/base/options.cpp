@@ -9,6 +9,7 @@
 
 namespace pliant::test::options_test {
 using Catch::Matchers::Contains;
+using Catch::Matchers::EndsWith;
 using Catch::Matchers::Message;
 using Catch::Matchers::StartsWith;
 using Arguments = std::vector<std::string>;
@@ -466,6 +467,13 @@ TEST_CASE("help begins with the options that are used most, and shows one group 
   CHECK(run.find("-hopper_width") == std::string::npos);
   CHECK_THROWS_WITH(p.options.help("walls"),
                     "-help walls: there is no such group; the groups are Hopper geometry, Run");
+  CHECK(p.options.help().find("[H n]") == std::string::npos);
+  Real k_b = 0.5;
+  p.options.group("Bending");
+  p.options.bind("k_b", k_b, {.help = "bending modulus [H 8]"});
+  CHECK_THAT(p.options.help("bending"), Contains("bending modulus [H 8] [default 0.5]\n\n[H n] and [T n.m] are "));
+  CHECK(p.options.help("hopper").find("[H n]") == std::string::npos);
+  CHECK_THAT(p.options.help(), EndsWith("that docs/README.md names.\n"));
   REQUIRE(p.options.parse({"-help"}) == Options::Request::help);
   CHECK(p.options.help_group().empty());
 }
