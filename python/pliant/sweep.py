@@ -27,15 +27,23 @@ def load_runs(paths):
     return runs
 
 
+def _columns_of_results(run):
+    """{name: column} of the numbers of a summary. A result with the name of an option that has a value, like the
+    pressure of a packing, has the column NAME_result."""
+    numbers = [name for name, entry in run.summary.items()
+               if isinstance(entry, (int, float)) or isinstance(entry, dict) and "value" in entry]
+    return {name: name if run.parameters.get(name) is None else f"{name}_result" for name in numbers}
+
+
 def _row(run):
     row = {"run": str(run.path), "scenario": run.manifest.get("scenario"), "model": run.model, "dim": run.dim,
            "status": run.summary.get("status", "unfinished")}
     row.update({k: v for k, v in run.parameters.items() if k not in row and isinstance(v, (bool, int, float, str))})
-    for name, entry in run.summary.items():
-        if isinstance(entry, dict) and "value" in entry:
-            row[name], row[name + "_error"] = run.measured(name)
-        elif isinstance(entry, (int, float)):
-            row.setdefault(name, entry)
+    for name, column in _columns_of_results(run).items():
+        if isinstance(run.summary[name], dict):
+            row[column], row[column + "_error"] = run.measured(name)
+        else:
+            row[column] = run.summary[name]
     for name in ("Q", "Q_error"):
         row.setdefault(name, float("nan"))
     return row
@@ -43,7 +51,8 @@ def _row(run):
 
 def sweep_table(runs):
     """DataFrame, one row per run: run, scenario, model, dim, status, every parameter, the counters of the
-    summary, and each measured quantity X as the columns X and X_error. `runs` are Run objects or paths."""
+    summary, and each measured quantity X as the columns X and X_error. A result that has the name of an option,
+    like the fraction of a packing, is in the column X_result. `runs` are Run objects or paths."""
     rows = []
     for one in list(runs):
         if isinstance(one, Run):
@@ -56,10 +65,18 @@ def sweep_table(runs):
 
 
 def _note_units(run, units):
-    for name, entry in (run.manifest["options"] | run.summary).items():
+    def note(column, entry):
         if isinstance(entry, dict) and entry.get("unit"):
-            for column in (name, name + "_error") if name in run.summary else (name,):
-                units.setdefault(column, []).append(entry["unit"])
+            units.setdefault(column, []).append(entry["unit"])
+
+    for name, entry in run.manifest["options"].items():
+        note(name, entry)
+    for name, column in _columns_of_results(run).items():
+        entry = run.summary[name]
+        if not isinstance(entry, dict) and column != name:  # a plain number has the unit of the option
+            entry = run.manifest["options"].get(name)
+        note(column, entry)
+        note(column + "_error", entry)
 
 
 def results_tables(entries):

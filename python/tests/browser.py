@@ -13,7 +13,7 @@ from pathlib import Path
 #: Names of the program; the shells of Debian are small packages without a window.
 _NAMES = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
 _TIMEOUT = 120  # s; for a page on a busy machine
-#: What Chromium answers to a command that was under way when the tab went to another page.
+#: Answers of Chromium to a command that was under way when the tab went to another page.
 _NAVIGATION = ("Inspected target navigated or closed", "Execution context was destroyed.", "Cannot find default execution context",
                "Cannot find context with specified id")
 

@@ -16,7 +16,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import VERTICES, write_run
 
-from pliant import Run, RunError, load_runs, load_table, plotting, sweep_table
+from pliant import Run, RunError, load_runs, load_table, plotting, sweep, sweep_jobs, sweep_rows, sweep_table
 from pliant.run import FRAME_FIELDS
 from pliant.symbols import model_name
 
@@ -260,6 +260,21 @@ def test_sweep_table(sweep):
     assert_allclose(drag["Q_error"][1:], 0.02 * drag["Q"][1:])
     assert np.isnan(drag["Q_error"].iloc[0])
     assert set(table["model"]) == {"sp"} and set(table["dim"]) == {2}
+
+
+def test_results_with_the_name_of_an_option(tmp_path):
+    path, _ = write_run(tmp_path / "run", frames=1, extra={"pressure": (1e-3, "eps/sigma_avg^2"), "travel": (0.1, "cm"), "dt": (None, "t0")})
+    summary = json.loads((path / "summary.json").read_text(encoding="utf-8"))
+    summary |= {"pressure": 0.00099, "travel": {"value": 0.11, "error": 0.02, "unit": "cm"}, "dt": 5e-4}
+    (path / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    row = sweep_table([path]).iloc[0]
+    assert (row["pressure"], row["pressure_result"]) == (1e-3, 0.00099)
+    assert (row["travel"], row["travel_result"], row["travel_result_error"]) == (0.1, 0.11, 0.02)
+    assert row["dt"] == 5e-4 and not {"dt_result", "travel_error"} & set(row.index)
+    state = sweep_jobs.State("done", "done")
+    _, units = sweep.results_tables([(sweep_rows.Row(1, 2, "hopper", {}, "a"), path, state)])
+    units = dict(zip(units["column"], units["unit"], strict=True))
+    assert units["pressure"] == units["pressure_result"] == "eps/sigma_avg^2" and units["travel_result_error"] == "cm"
 
 
 def test_table_from_csv(tmp_path):

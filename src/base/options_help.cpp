@@ -32,7 +32,7 @@ const char* restart_text(OnRestart policy) {
   return "";
 }
 
-/// What [H 8] and [T 2.5] mean; empty if the text has no such mark.
+/// Explains marks like [H 8] and [T 2.5]; empty if the text has no such mark.
 std::string key_of_equations(const std::string& text) {
   if (text.find("[H ") == std::string::npos && text.find("[T ") == std::string::npos) return "";
   return "[H n] and [T n.m] are equations of the two publications that docs/README.md names.\n";

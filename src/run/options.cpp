@@ -4,6 +4,8 @@
 
 #include <filesystem>
 
+#include <pliant/base/errors.h>
+
 namespace pliant {
 
 bool RunOptions::branches(const Options& options) const {
@@ -98,6 +100,12 @@ void RunOptions::bind_threads(Options& o) {
           .min = 1,
           .max = 1024,
           .on_restart = OnRestart::forget});
+}
+
+void refuse_unread_by(const std::string& by, const Options& options, std::initializer_list<const char*> names) {
+  for (const char* name : names)
+    if (options.given(name))
+      throw InputError("-{} ({}) with {}, which does not read it; leave it out", name, options.source(name), by);
 }
 
 }  // namespace pliant

@@ -1,6 +1,7 @@
 // Options that the runs of all scenarios share: where they write, how often, and when they stop.
 #pragma once
 
+#include <initializer_list>
 #include <string>
 
 #include <pliant/base/options.h>
@@ -42,5 +43,8 @@ struct RunOptions {
   void bind_allowed(Options& options);
   void bind_threads(Options& options);
 };
+
+/// Errors: InputError if the user has given one of these options, which `by` ("-path quench") does not read.
+void refuse_unread_by(const std::string& by, const Options& options, std::initializer_list<const char*> names);
 
 }  // namespace pliant

@@ -131,7 +131,7 @@ def test_walls_move_and_tilt(tmp_path):
 
 
 def test_count_of_rows_and_end(tmp_path):
-    run = compress(tmp_path / "run", rows=4, columns=3, n=0, delta=1e-3, v_wall=1e-2, rows_end=2, end_distance=1e9,
+    run = compress(tmp_path / "run", rows=4, columns=3, n=0, delta=1e-3, v_wall=1e-2, end_distance=1e9,
                    motion="extension", t_end=5)
     assert run.summary["ended_by"] == "t_end" and run.series["rows"][0] == 4
 
@@ -146,6 +146,8 @@ def test_count_of_rows_and_end(tmp_path):
     ({"mobility_ksp_typo": 1}, "mobility_ksp_typo"),
     ({"hopper_width": 3}, "hopper_width"),
     ({"start_distance": 1, "end_distance": 0.5}, "has run into wall 0"),
+    ({"rows_end": 2, "motion": "extension"}, "-rows_end (command line) with -motion extension, which does not read it"),
+    ({"small_radius": 0.7}, "-small_radius (command line) with -small_fraction 0, which does not read it"),
 ])
 def test_bad_input(options, message, tmp_path):
     result = pliant("raft", **{**THREE, "output": tmp_path / "run", **options})

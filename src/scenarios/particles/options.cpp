@@ -64,12 +64,6 @@ void check_regular_shape(const PolygonShape& shape) {
         shape.shape_parameter, shape.vertices, regular_shape_parameter(shape.vertices));
 }
 
-void refuse_unread_by(const std::string& by, const Options& options, std::initializer_list<const char*> names) {
-  for (const char* name : names)
-    if (options.given(name))
-      throw InputError("-{} ({}) with {}, which does not read it; leave it out", name, options.source(name), by);
-}
-
 void refuse_unread_particles(const Options& options, const ModelChoice& model, const SizeDistribution& sizes) {
   const std::string by_model = "-model " + model.name, by_sizes = "-size_distribution " + sizes.kind;
   if (!model.deformable()) refuse_unread_by(by_model, options, {"n_vertices", "shape_parameter"});

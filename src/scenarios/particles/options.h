@@ -1,7 +1,6 @@
 // Options of particles that scenarios share.
 #pragma once
 
-#include <initializer_list>
 #include <optional>
 #include <string>
 
@@ -21,8 +20,6 @@ void bind_shape(Options& options, PolygonShape& shape);
 void resolve_vertices(PolygonShape& shape, int dim);
 /// Errors: InputError if the shape parameter is below the shape parameter of the regular polygon.
 void check_regular_shape(const PolygonShape& shape);
-/// Errors: InputError if the user has given one of these options, which `by` ("-path quench") does not read.
-void refuse_unread_by(const std::string& by, const Options& options, std::initializer_list<const char*> names);
 /// Errors: InputError for an option of shapes or sizes that neither the model nor the distribution of sizes reads.
 void refuse_unread_particles(const Options& options, const ModelChoice& model, const SizeDistribution& sizes);
 

@@ -72,4 +72,9 @@ void RaftOptions::resolve() {
                      columns > 1 && rows > 1 ? fmt::format(", or {} if every second row has one less", alternate) : "");
 }
 
+void RaftOptions::refuse_unread(const Options& options) const {
+  if (motion == WallMotion::extension) refuse_unread_by("-motion extension", options, {"rows_end"});
+  if (radii.small_fraction == 0) refuse_unread_by("-small_fraction 0", options, {"small_radius"});
+}
+
 }  // namespace pliant

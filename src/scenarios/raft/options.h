@@ -26,6 +26,8 @@ struct RaftOptions : DropletOptions {
   void bind(Options& options);
   /// Errors: InputError for a number of droplets that the lattice cannot have.
   void resolve();
+  /// Errors: InputError for options that another option makes useless.
+  void refuse_unread(const Options& options) const;
 
   Index droplets() const { return n == 0 ? rows * columns : n; }
   /// Every second row has one droplet less.

@@ -280,6 +280,7 @@ Scenario raft_scenario() {
         check_memory({p.droplets(), p.droplets()},
                      p.n > 0 ? fmt::format("-n {}", p.n) : fmt::format("-rows {} -columns {}", p.rows, p.columns),
                      ranks);
+        if (!checkpoint) p.refuse_unread(options);
         if (checkpoint) checkpoint->integer_array("active", static_cast<std::size_t>(p.droplets()));
         return std::make_unique<Run<2>>("raft", p, options, ranks, std::make_unique<RaftProtocol>(p, ranks),
                                         std::move(checkpoint));
