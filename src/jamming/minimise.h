@@ -16,7 +16,7 @@ namespace pliant {
 template <int D>
 struct BoxStress {
   Mat<D> stress = Mat<D>::Zero();  ///< σ_ab = (1/V) ∂U/∂e_ab, tension positive, in ε/σ_avg^D
-  Real pressure() const { return -stress.trace() / D; }
+  Real pressure() const { return (0 - stress.trace()) / D; }  // never -0
 };
 
 /// The stress of the energy terms at x [size of the system], without a kinetic part. Collective. Errors: InputError for

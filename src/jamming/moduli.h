@@ -22,7 +22,7 @@ struct Moduli {
   Real residual = 0;   ///< largest |H u + Ξ| over the largest |Ξ| of all strains; u = −H⁺ Ξ
   Real max_force = 0;  ///< largest force on a coordinate: the moduli hold for a packing at equilibrium
 
-  Real pressure() const { return -stress.trace() / D; }
+  Real pressure() const { return (0 - stress.trace()) / D; }  // never -0
   /// ∂σ_ab/∂ε_cd for symmetric strains from here, with the true (Cauchy) stress: symmetric under exchange of ab and cd
   /// where the stress is isotropic (D. C. Wallace, Phys. Rev. 162, 776 (1967)).
   Real stiffness(int a, int b, int c, int d) const;

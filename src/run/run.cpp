@@ -149,8 +149,8 @@ void Run<D>::check_frame_fields() {
 template <int D>
 std::string Run<D>::end_text() const {
   const Real end = protocol_->last_time();
-  return options_.given("t_end") ? fmt::format("-t_end {:g}", end)
-                                 : fmt::format("{:g} {}", end, protocol_->unit_of_time());
+  return options_.declared("t_end") && options_.given("t_end") ? fmt::format("-t_end {:g}", end)
+                                                               : fmt::format("{:g} {}", end, protocol_->unit_of_time());
 }
 
 /// Errors: InputError for an unstable step, or a step longer than the run.

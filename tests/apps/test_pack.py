@@ -80,6 +80,15 @@ def test_a_symmetric_packing_is_no_saddle_point(tmp_path):
     assert frequencies[3] > 1e-2 and (abs(frequencies[:3]) < 1e-6).all()
 
 
+def test_moduli_of_a_crystal(tmp_path):
+    """Fifteen large disks are on 15 of the 17 sites of a square lattice, the others are rattlers: a uniform
+    strain exerts no force on a disk."""
+    run = pack(tmp_path / "run", n=30, size_ratio=10, pressure=1e-4, moduli="yes")
+    assert run.summary["rattlers"] == 15 and run.summary["contacts"] == 30
+    # 30 springs of length 2R and stiffness 1/(2R)²: U'' = 30 by the logarithm of the length of the box.
+    assert run.summary["bulk_modulus"] == pytest.approx(30 / (4 * run.frames[-1]["box"][1].prod()), rel=1e-3)
+
+
 def test_particles_that_nothing_holds_leave_their_saddle_point(tmp_path):
     """These equal spheres crystallise; below p = 1e-3 only chains along one axis would touch."""
     s = pack(tmp_path / "run", n=128, dim=3, size_distribution="mono", seed=3).summary

@@ -99,8 +99,15 @@ def test_flow_stress_of_a_steady_state(tmp_path):
     assert work == pytest.approx(s["flow_stress"]["value"] * volume * 0.1 * np.ptp(run.series["time"][late]), rel=0.02)
 
 
+def test_a_short_run_has_a_flow_stress_without_an_error(tmp_path):
+    result = pliant("shear", output=tmp_path / "run", n=30, shear_rate=1e-3, strain=0.5, zeta=1e-3)
+    stress = Results(tmp_path / "run").summary["flow_stress"]
+    assert result.returncode == 0 and stress["value"] > 0 and stress["error"] is None
+    assert "eps/sigma_avg^2 (no error: the run is too short), viscosity" in result.stdout and "nan" not in result.stdout
+
+
 @pytest.mark.parametrize("options, message", [
-    ({"shear_rate": 0}, "-shear_rate"), ({"shear_rate": "nan"}, "-shear_rate"), ({"moduli": "yes"}, "-moduli"),
+    ({"shear_rate": 0}, "-shear_rate"), ({"shear_rate": 100}, "is longer than the run, 0.01 t0"), ({"shear_rate": "nan"}, "-shear_rate"), ({"moduli": "yes"}, "-moduli"),
     ({"strain_step": 0.01}, "-strain_step"), ({"control": "pressure"}, "-control"), ({"dt": 5}, "limit of stability"),
     ({"path": "compress"}, "-path compress"), ({"zeta": -1}, "-zeta"), ({"cycles": 2}, "-cycles")])
 def test_refusals(options, message, tmp_path):

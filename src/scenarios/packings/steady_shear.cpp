@@ -253,8 +253,10 @@ void SteadyShear<D>::report(const Series& all, nlohmann::ordered_json& s) {
     warn("no flow stress: {}; shear to a larger -strain", steady.explanation);
     return;
   }
-  say("flow stress {:.4g} ± {:.2g} {}, viscosity {:.4g} {} t0, from the strain {:.3g} on\n", of_stress.mean,
-      of_stress.error, unit, of_stress.mean / *p_.rate, unit, steady.time * *p_.rate);
+  const std::string error = std::isnan(of_stress.error) ? " (no error: the run is too short)" : "";
+  say("flow stress {:.4g}{} {}{}, viscosity {:.4g} {} t0, from the strain {:.3g} on\n", of_stress.mean,
+      error.empty() ? fmt::format(" ± {:.2g}", of_stress.error) : "", unit, error, of_stress.mean / *p_.rate, unit,
+      steady.time * *p_.rate);
 }
 
 template class SteadyShear<2>;
