@@ -30,8 +30,8 @@ print(f"Q = {Q:.2f} ± {error:.2f} sigma_avg^2/t0, averaged from t = {run.steady
 # %%
 # Energy
 # ------
-# The change of energy must equal the work of gravity minus the heat of drag and contacts. The run measures both, so their difference is the error
-# of the integrator; the known answer is 0.
+# The energy includes the potential energy of gravity. Its change must equal the work of reinserting disks minus the heat of the drag. The run computes
+# all three numbers, so the relative error of this balance is the error of the integrator, ± the sampling error of the heat; the known answer is 0.
 audit = run.summary["energy_audit"]
 print(f"relative error of the energy balance: {audit['relative_error']:.1e} ± {audit['uncertainty']:.1e}")
 

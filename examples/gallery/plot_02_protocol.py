@@ -24,8 +24,8 @@ sim = pliant.Simulation(container.pack(sizes), sizes, walls=walls, gravity=(0, -
 # %%
 # Protocol
 # --------
-# Every 0.1 t0 the callback removes the disks below the orifice. If none has left for 2 t0, it shakes the container for 1 t0, each time with an amplitude
-# that is 0.05 larger. The wall oscillates as amplitude · sin(frequency · t), from the moment at which ``move_wall`` is called.
+# Every 0.1 t0 the callback removes the disks below the orifice. If none has left for 2 t0, it shakes the container for 1 t0 with the amplitude 0.05. If no
+# disk leaves after that, the amplitude of the next attempt is 0.05 larger. The wall oscillates as amplitude · sin(frequency · t), from the moment at which ``move_wall`` is called.
 times, left, shakes = [0.0], [0], []
 last, until, amplitude = 0.0, 0.0, 0.0
 
