@@ -96,7 +96,7 @@ def _digits(value, count):
 
 
 def _exponent_at_bound(value):
-    return "k at its bound" in value.note and value.row["quantity"].startswith("beta")
+    return "k at its bound" in value.note and re.match("(?:from Q'?, )?beta", value.row["quantity"]) is not None
 
 
 def shown(value, factor=1):

@@ -138,6 +138,13 @@ def test_the_residual_of_as_many_points_as_parameters_is_zero():
     assert validation_pages.shown(validation_pages.Value(1.9e-3, float("nan"), row=row), 100) == "0.190"
 
 
+@pytest.mark.parametrize("of", ("", "from Q, ", "from Q', "))
+def test_an_exponent_with_k_at_its_bound_is_marked(of):
+    for quantity, marked in (("beta at lambda = 0.01: soft", True), ("C with beta free: soft", False)):
+        value = validation_pages.Value(2.0, 0.1, note="k at its bound", row={"quantity": of + quantity})
+        assert ("(k = 0)" in validation_pages.shown(value)) == marked, quantity
+
+
 @pytest.mark.parametrize("text", ["<!-- of: H2 full -->\n<<{beta: hard}>>", "::: rows H2 full\nβ := gamma: *\n:::\n", "::: rows H2 full\nβ = beta: *\n:::\n",
                                   "::: other H2 full\nβ := beta: *\n:::\n", "::: list H3 full\n:::\n"])
 def test_a_template_that_names_no_row_is_refused(text):
