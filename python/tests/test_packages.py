@@ -1,6 +1,7 @@
 """Metadata of the packages: versions, dependencies, and files that packages install to other folders than the sources."""
 
 import ast
+import os
 import re
 import shutil
 import subprocess
@@ -76,11 +77,12 @@ def test_a_wheel_has_figures_next_to_its_bin(tmp_path):
     (tmp_path / "bin").mkdir()
     shutil.copy(ROOT / "python/pliant-plot", tmp_path / "bin")
     command = [sys.executable, "-B", tmp_path / "bin/pliant-plot", "--help"]
-    missing = subprocess.run(command, capture_output=True, encoding="utf-8")
+    environment = os.environ | {"PYTHONPATH": str(ROOT / "python")}  # a wheel installs the package
+    missing = subprocess.run(command, capture_output=True, encoding="utf-8", env=environment)
     assert missing.returncode == 4 and "no folder plots" in missing.stderr
     (tmp_path / "share/pliant/python/plots").mkdir(parents=True)
     shutil.copy(ROOT / "python/plots/series.py", tmp_path / "share/pliant/python/plots")
-    assert "\n  series " in subprocess.run(command, capture_output=True, encoding="utf-8").stdout
+    assert "\n  series " in subprocess.run(command, capture_output=True, encoding="utf-8", env=environment).stdout
 
 
 def test_a_package_has_tables_below_its_prefix(tmp_path):

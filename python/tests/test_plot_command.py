@@ -19,6 +19,12 @@ def test_it_lists_all_figures():
     assert pliant_plot().returncode == 2
 
 
+def test_a_reader_that_goes_away():
+    with subprocess.Popen([sys.executable, str(PYTHON / "pliant-plot"), "--help"], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        assert process.stderr.read() == b"" and process.wait(60) == 141
+
+
 def test_it_passes_arguments_and_exit_codes_on():
     result = pliant_plot("series", "--help")
     assert result.returncode == 0 and "usage: series.py" in result.stdout

@@ -2,6 +2,9 @@
 #include <pliant/io/summary.h>
 
 #include <cmath>
+#include <system_error>
+
+#include <pliant/base/errors.h>
 
 namespace pliant {
 namespace {
@@ -18,6 +21,12 @@ nlohmann::ordered_json quantity(Real value, Real error, std::string_view unit) {
 
 void write_summary(const std::filesystem::path& folder, const nlohmann::ordered_json& summary) {
   write_json(folder / "summary.json", summary);
+}
+
+void drop_summary(const std::filesystem::path& folder) {
+  const std::filesystem::path file = folder / "summary.json";
+  if (std::error_code error; !std::filesystem::remove(file, error) && error)
+    throw OutputError("cannot remove {}: {}; make the folder writable", file.string(), error.message());
 }
 
 }  // namespace pliant

@@ -109,6 +109,7 @@ void RunOutput<D>::go_on(const std::filesystem::path& checkpoint, const Topology
   const auto count = [](std::int64_t n) { return static_cast<std::uint64_t>(n); };
   writer_.emplace(RunWriter::append(folder, all, count(restored_samples_), count(restored_frames_)));
   writer_->drop_later_frames();
+  drop_summary(folder);
   checkpoints_.emplace(folder, checkpoint);
 }
 

@@ -66,7 +66,7 @@ void RunOptions::bind_output(Options& o, bool intervals) {
           .max = 1000000,
           .on_restart = OnRestart::forget});
   o.bind("ensemble_over", ensemble_over,
-         {.help = "an option and its values, OPTION=VALUE,VALUE,...; -ensemble runs of each",
+         {.help = "OPTION=VALUE,VALUE,...: as many runs as -ensemble says for each value",
           .only_with = "-ensemble",
           .on_restart = OnRestart::forget});
   o.bind("ensemble_workers", ensemble_workers,

@@ -100,7 +100,10 @@ ExitCode Run<D>::run() {
     started_at_ = state().t;
     {
       const LogScope log(LogStage::run);
-      if (!ended()) simulation().advance(protocol_->last_time(), [this](State&) { return after_step(); });
+      if (!ended()) {
+        if (restarted()) ranks_.on_root([&] { drop_summary(p_.output); });
+        simulation().advance(protocol_->last_time(), [this](State&) { return after_step(); });
+      }
       control_.end_progress();
       if (!stopped()) complete();
     }

@@ -577,9 +577,12 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
                      system.unknowns() - n);
   if (!std::isfinite(t_end)) throw InputError("the end of the run is {}, but it must be finite", t_end);
   auto* const with_derivatives = dynamic_cast<ImplicitSystem*>(&system);
-  if (contains(implicit_types, type_) && with_derivatives == nullptr)
+  if (contains(implicit_types, type_) && with_derivatives == nullptr) {
+    std::vector<std::string_view> usable(explicit_types.begin(), explicit_types.end());
+    if (!system.has_velocities()) std::erase(usable, ts_verlet);
     throw InputError("{} needs derivatives of the forces, which this system does not have; use -ts_type {}", name(),
-                     fmt::join(explicit_types, ", "));
+                     fmt::join(usable, ", "));
+  }
   if (t_end - state.t <= 4 * std::numeric_limits<Real>::epsilon() * std::abs(t_end)) return false;
   const std::size_t unknowns = system.unknowns();
   const bool resized = system.ranks().any(configured_size_ != 0 && configured_size_ != unknowns);

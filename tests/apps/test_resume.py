@@ -318,3 +318,18 @@ def test_ranks_that_were_killed_go_on(tmp_path):
     assert result.returncode == 0 and result.stdout.count("the run was killed") == 1, result.stderr
     again = on_ranks(2, "hopper", output=tmp_path / "run", **{**options, "t_end": 1})
     assert again.returncode == 2 and len(complaints(again)) == 1 and "finished (done)" in complaints(again)[0]
+
+
+def test_a_run_that_goes_on_has_no_older_summary(tmp_path):
+    """A killed extension is no finished run, whose results end before its frames do."""
+    folder = tmp_path / "run"
+    for options in ({"output": folder, **SMALL, "t_end": 2}, {"restart": folder}):
+        assert pliant("hopper", **options).returncode == 0
+        assert Results(folder).summary["t"] == pytest.approx(2)
+    child = start("hopper", restart=folder, t_end=1e5)
+    wait_for(lambda: not (folder / "summary.json").exists(), child)
+    end(child, signal.SIGKILL)
+    result = pliant("hopper", restart=folder, t_end=3)
+    assert result.returncode == 0, result.stderr
+    summary = Results(folder).summary
+    assert summary["status"] == "done" and summary["t"] == pytest.approx(3)

@@ -242,3 +242,14 @@ def test_the_command_line_continues_a_run(tmp_path):
         assert refused.returncode == 2 and "callbacks or a force" in refused.stderr, refused.stderr
         assert go_on(name, "--without-functions").returncode == 0
         assert Run(tmp_path / name).summary["t"] == pytest.approx(1, abs=0.01)
+
+
+def test_a_simulation_that_goes_on_has_no_older_summary(tmp_path):
+    with crowd(model="sp", zeta=0.1, output=tmp_path / "run") as sim:
+        sim.run(until=0.2)
+    assert Run(tmp_path / "run").summary["status"] == "done"
+    with Simulation.restart(tmp_path / "run") as sim:
+        assert Run(tmp_path / "run").summary == {}
+        sim.run(until=0.4)
+    summary = Run(tmp_path / "run").summary
+    assert summary["status"] == "done" and summary["t"] >= 0.4

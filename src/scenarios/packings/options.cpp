@@ -75,7 +75,7 @@ void PackingOptions::bind_analysis(Options& o) {
   constexpr auto fixed = OnRestart::fixed;
   o.group("Analysis");
   o.bind("contact_threshold", contact_threshold,
-         {.help = "smallest force of a contact that counts, divided by the typical force",
+         {.help = "smallest force of a contact that counts, divided by (sum f^2)/(sum f)",
           .min = 0,
           .max = 0.5,
           .on_restart = fixed});
@@ -234,7 +234,7 @@ void ShearOptions::bind(Options& o) {
       "strain_step", strain_step,
       {.help = "quasistatic: shear strain of each step", .min = 0, .max = 0.1, .min_open = true, .on_restart = fixed});
   o.bind("cycles", cycles,
-         {.help = "quasistatic: number of cycles 0, +strain, -strain, 0; 0: shear in one direction",
+         {.help = "quasistatic: cycles from strain 0 to +strain, -strain and 0; none: one direction",
           .min = 0,
           .max = 1e6,
           .extends = {"cycles", "MORE"}});
@@ -250,7 +250,7 @@ void ShearOptions::bind(Options& o) {
           .min = 0,
           .min_open = true,
           .cures = {Cure::shorter_step},
-          .automatic = "0.2 of the elastic limit, at most 0.5 of the damping limit",
+          .automatic = "0.2 of the elastic limit, at most 0.5 of the damping limit, 0.7 of dt_critical",
           .on_restart = fixed});
   bind_allowed(o);
   bind_minimisation(o);

@@ -49,7 +49,7 @@ void RaftOptions::bind(Options& o) {
           .min = 0,
           .min_open = true,
           .cures = {Cure::less_overlap},
-          .automatic = "compression: smallest without attraction to the walls; extension: at rest",
+          .automatic = "compression: smallest distance without attraction to walls; extension: rest distance",
           .on_restart = fixed});
   o.bind("rows_end", rows_end,
          {.help = "-motion compression: ends at the rest distance of this number of rows", .min = 1, .max = 10000});

@@ -78,7 +78,7 @@ void VibrateOptions::bind(Options& o) {
           .min = 0,
           .min_open = true,
           .cures = {Cure::shorter_step},
-          .automatic = "0.05 of the elastic limit, at most 0.25 of the damping limit",
+          .automatic = "0.05 of the elastic limit, at most 0.25 of the damping limit, 0.7 of dt_critical",
           .on_restart = fixed});
   bind_allowed(o);
   o.bind("cycles", cycles,
