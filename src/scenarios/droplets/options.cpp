@@ -64,7 +64,7 @@ void DropletOptions::bind_integration(Options& o, const std::string& automatic_e
           .min = 0,
           .min_open = true,
           .cures = {Cure::shorter_step},
-          .automatic = fmt::format("{:g}, or half of the limit of stability if that is shorter", longest_standard_dt),
+          .automatic = fmt::format("{:g}; fixed steps: at most half of the limit of stability", longest_standard_dt),
           .on_restart = fixed});
   bind_allowed(o);
   o.bind("t_end", t_end,
