@@ -23,7 +23,7 @@ def soften(sim):
 def reinsert(sim):
     low = np.flatnonzero(sim.positions[:, 1] < -2)
     for k in low:
-        sim.positions[k], sim.velocities[k] = (next(columns), 25), 0
+        sim.positions[k], sim.velocities[k] = (next(columns), 25), (0, -3)
     time.append(sim.t), fallen.append(fallen[-1] + np.pi / 4 * np.sum(sizes[low] ** 2))
 
 

@@ -717,24 +717,19 @@ class Simulation:
 
     @property
     def work(self) -> float:
-        """Without inertia: work of moving walls on the particles since the start, integrated with the positions."""
-        return self._integrated("work")
+        """Work on the particles since the start: of moving walls, of the force function, and of all changes from outside, which
+        are written arrays, changed parameters, particles added or removed, and minimize(). The energies have changed by
+        work - dissipated."""
+        return self._core.work_and_heat()[0]
 
     @property
     def dissipated(self) -> float:
-        """Without inertia: energy that drag and friction have dissipated since the start, integrated with the positions. The
-        energies have changed by work - dissipated, unless positions, parameters or force functions have changed them."""
-        return self._integrated("dissipated")
-
-    def _integrated(self, name):
-        value = self._core.integrated(name)
-        if value is None:
-            raise UsageError(f"{name} is integrated without inertia only (dynamics=\"overdamped\", model=\"bubble\")")
-        return value
+        """Energy that drag, friction and damping have dissipated since the start."""
+        return self._core.work_and_heat()[1]
 
     @property
     def _inertial(self):
-        return self._core.integrated("work") is None
+        return self._core.inertial
 
     @property
     def forces(self) -> np.ndarray:

@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -30,6 +31,24 @@ class ChangeableField final : public ForceField<D> {
   }
   void replace(std::unique_ptr<ForceField<D>> field) { field_ = std::move(field); }
   void set_function(Function function) { function_ = std::move(function); }
+
+  /// Power of the forces that the function returned last, at velocities v [own points · D]; 0 without a function.
+  Real function_power(const Real* v) const {
+    Real power = 0;
+    if (!function_) return power;
+    for (std::size_t k = 0; k < force_.size(); ++k) power += force_[k] * v[k];
+    return power;
+  }
+  /// Power of the first forces since start_power(), at the velocities of that evaluation.
+  Real first_power() const { return first_power_.value_or(0); }
+  void start_power() { first_power_.reset(); }
+  /// Calls the function, for function_power().
+  void find_function(const StateView<D>& s) const {
+    if (!function_) return;
+    force_.assign(static_cast<std::size_t>(s.topology.owned_points()) * D, 0);
+    function_(s, force_.data());
+    if (!first_power_ && s.v != nullptr) first_power_ = function_power(s.v);
+  }
 
   NeighbourNeeds needs() const override { return field_->needs(); }
   void check_walls(const Walls<D>& walls) const override { field_->check_walls(walls); }
@@ -89,8 +108,7 @@ class ChangeableField final : public ForceField<D> {
   template <class Factor>
   void add_function(const StateView<D>& s, Real* f, Factor&& factor) const {
     if (!function_) return;
-    force_.assign(static_cast<std::size_t>(s.topology.owned_points()) * D, 0);
-    function_(s, force_.data());
+    find_function(s);
     for (Index i = 0; i < s.topology.owned_points(); ++i)
       point<D>(f, i) += factor(i) * point<D>(static_cast<const Real*>(force_.data()), i);
   }
@@ -101,6 +119,7 @@ class ChangeableField final : public ForceField<D> {
   std::unique_ptr<ForceField<D>> field_;
   Function function_;
   mutable std::vector<Real> force_;
+  mutable std::optional<Real> first_power_;
 };
 
 }  // namespace pliant::python

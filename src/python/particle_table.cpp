@@ -114,7 +114,7 @@ ParticleTable select_particles(const ParticleTable& all, const std::vector<Index
       if (first == now.end() || (contacts.pairs && second == now.end())) continue;
       stored.add({first->second, contacts.pairs ? second->second : key.second}, contacts.stored.row(k, contacts.width));
     }
-    some.history.push_back({contacts.term, contacts.pairs, contacts.width, std::move(stored)});
+    some.history.push_back({contacts.term, contacts.pairs, contacts.width, std::move(stored), contacts.heat});
   }
   return some;
 }

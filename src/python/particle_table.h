@@ -30,6 +30,7 @@ struct ParticleTable {
     bool pairs;  ///< of particles, or of particles with walls
     int width;
     StoredContacts stored;
+    std::vector<Real> heat;  ///< by cause
   };
   std::vector<Contacts> history;
 };

@@ -9,6 +9,7 @@
 #include <pliant/io/summary.h>
 #include <pliant/run/folder.h>
 #include <pliant/run/frame_data.h>
+#include <pliant/run/heat.h>
 
 namespace pliant::python {
 namespace {
@@ -85,7 +86,8 @@ RunOutput<D>::RunOutput(FolderLock lock, const OutputIntervals& intervals, std::
 
 template <int D>
 RunOutput<D>::RunOutput(const std::filesystem::path& folder, const OutputIntervals& intervals, const Topology& all,
-                        const std::string& model, const Options& options, Simulation<D>& simulation)
+                        const std::string& model, const Options& options, Simulation<D>& simulation,
+                        EnergyAudit<D>& audit)
     : RunOutput(FolderLock(), intervals, model) {
   if (folder.empty()) throw InputError("output is empty; give the name of a folder");
   region_ = Region<D>(simulation);
@@ -99,7 +101,7 @@ RunOutput<D>::RunOutput(const std::filesystem::path& folder, const OutputInterva
   lock_ = FolderLock(folder);
   writer_.emplace(RunWriter::create(folder, make_manifest(python_scenario, model, D, 0, options), all, geometry));
   checkpoints_.emplace(folder);
-  write_sample(simulation);
+  write_sample(simulation, audit);
   write_frame(simulation);
 }
 
@@ -166,9 +168,9 @@ bool RunOutput<D>::owned() const {
 }
 
 template <int D>
-void RunOutput<D>::follow(Simulation<D>& simulation) {
+void RunOutput<D>::follow(Simulation<D>& simulation, EnergyAudit<D>& audit) {
   const Real t = simulation.state().t;
-  if (sampling_ && sampling_->due(t)) write_sample(simulation);
+  if (sampling_ && sampling_->due(t)) write_sample(simulation, audit);
   if (framing_ && framing_->due(t)) write_frame(simulation);
 }
 
@@ -185,7 +187,7 @@ void RunOutput<D>::write_frame(Simulation<D>& simulation) {
 }
 
 template <int D>
-void RunOutput<D>::write_sample(Simulation<D>& simulation) {
+void RunOutput<D>::write_sample(Simulation<D>& simulation, EnergyAudit<D>& audit) {
   const StateView<D> s = simulation.view();
   last_sample_ = s.t;
   if (sampling_) sampling_->done(s.t);
@@ -193,8 +195,7 @@ void RunOutput<D>::write_sample(Simulation<D>& simulation) {
   std::vector<SeriesValue> row{{"time", s.t},
                                {"dt", taken.steps > 0 ? taken.last_dt : simulation.integrator().next_dt()}};
   Real energy = 0;
-  const OverdampedSystem<D>* const overdamped = simulation.overdamped();
-  if (overdamped == nullptr) {
+  if (simulation.overdamped() == nullptr) {
     for (Index i = 0; i < s.topology.owned_points(); ++i) energy += s.kinetic_energy(i);
     row.emplace_back("kinetic_energy", energy);
   }
@@ -204,21 +205,19 @@ void RunOutput<D>::write_sample(Simulation<D>& simulation) {
       energy += term.energy;
     }
   row.emplace_back("energy", energy);
-  if (overdamped != nullptr)
-    for (std::size_t k = 0; k < overdamped->quantities().size(); ++k)
-      row.emplace_back(overdamped->quantities()[k].name, simulation.state().extra[k]);
+  add_budget(row, audit, simulation);
   writer_->add_sample(row);
 }
 
 template <int D>
 void RunOutput<D>::finish(const Options& options, std::int64_t force_evaluations, const std::string& failure,
-                          Simulation<D>& simulation) {
+                          Simulation<D>& simulation, EnergyAudit<D>& audit) {
   const State& state = simulation.state();
   const auto finite = [](std::span<const Real> values) {
     return std::ranges::all_of(values, [](Real a) { return std::isfinite(a); });
   };
   if (finite(state.x()) && finite(state.v())) {
-    if (last_sample_ != state.t) write_sample(simulation);
+    if (last_sample_ != state.t) write_sample(simulation, audit);
     if (last_frame_ != state.t) write_frame(simulation);
   }
   nlohmann::ordered_json s =
@@ -230,6 +229,7 @@ void RunOutput<D>::finish(const Options& options, std::int64_t force_evaluations
   s["dt"] = simulation.integrator().next_dt();
   s["steps"] = state.step;
   s["force_evaluations"] = force_evaluations;
+  if (failure.empty()) s["energy_audit"] = audit.budget().json();
   writer_->flush();
   write_summary(folder(), s);
   writer_->close();

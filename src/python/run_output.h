@@ -15,6 +15,7 @@
 #include <pliant/io/folder_lock.h>
 #include <pliant/io/run_writer.h>
 #include <pliant/run/archive.h>
+#include <pliant/run/energy_audit.h>
 #include <pliant/run/schedule.h>
 #include <pliant/run/simulation.h>
 
@@ -52,16 +53,17 @@ class RunOutput {
   /// Creates the folder, with a frame and a sample of the present state. all: the particles by id, which may not
   /// change. Errors: InputError for a folder that holds a run, FolderInUse.
   RunOutput(const std::filesystem::path& folder, const OutputIntervals& intervals, const Topology& all,
-            const std::string& model, const Options& options, Simulation<D>& simulation);
+            const std::string& model, const Options& options, Simulation<D>& simulation, EnergyAudit<D>& audit);
   /// For a simulation that is restored from a checkpoint: visit() reads it, go_on() opens the folder, whose lock this
   /// is.
   RunOutput(FolderLock lock, const OutputIntervals& intervals, std::string model);
   void go_on(const std::filesystem::path& checkpoint, const Topology& all);
 
   /// After an accepted step: writes a frame and a sample if they are due.
-  void follow(Simulation<D>& simulation);
+  void follow(Simulation<D>& simulation, EnergyAudit<D>& audit);
   void write_frame(Simulation<D>& simulation);
-  void write_sample(Simulation<D>& simulation);
+  /// audit: without changes that it does not know.
+  void write_sample(Simulation<D>& simulation, EnergyAudit<D>& audit);
   bool save_due() const;
   /// The next chance to save is to be used.
   void ask_save() { save_asked_ = true; }
@@ -73,7 +75,7 @@ class RunOutput {
   void visit(Archive& archive);
   /// The last frame and sample, and summary.json. failure: the message of a run that failed, or empty.
   void finish(const Options& options, std::int64_t force_evaluations, const std::string& failure,
-              Simulation<D>& simulation);
+              Simulation<D>& simulation, EnergyAudit<D>& audit);
 
   /// Whether this process has created the folder: a fork of it leaves the files alone.
   bool owned() const;

@@ -101,6 +101,12 @@ void Settings::bind() {
                 .cures = {Cure::shorter_step},
                 .automatic = "part of the limit of stability"});
   options.bind("allow_unstable_dt", allow_unstable_dt, {.help = "allow a fixed step above the limit of stability"});
+  options.bind("allow_energy_error", allow_energy_error,
+               {.help = "continue if energy is not conserved to 10 %, instead of an error"});
+  options.bind(
+      "allow_passing_overlap", allow_passing_overlap,
+      {.help = "continue if disks, spheres or droplets overlap by more than 95 % of their contact distance, and "
+               "pass through each other"});
   options.bind("skin", skin,
                {.help = "skin of the neighbour lists",
                 .unit = "sigma_avg",

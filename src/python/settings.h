@@ -47,7 +47,7 @@ class Settings {
   TermGroup implicit = TermGroup::all;
   JacobianKind jacobian = JacobianKind::assembled;
   std::optional<Real> dt, skin;
-  bool allow_unstable_dt = false;
+  bool allow_unstable_dt = false, allow_energy_error = false, allow_passing_overlap = false;
   Index threads = 1;
   // Friction of droplets.
   Real b = 1;

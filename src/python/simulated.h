@@ -18,9 +18,10 @@
 #include <pliant/python/wall_record.h>
 #include <pliant/python/walls.h>
 #include <pliant/run/crossing_watch.h>
+#include <pliant/run/energy_audit.h>
 #include <pliant/run/motion_archive.h>
+#include <pliant/run/passage_watch.h>
 #include <pliant/run/simulation.h>
-#include <pliant/run/wall_watch.h>
 
 namespace pliant::python {
 
@@ -72,7 +73,8 @@ class Simulated final : public AnySimulation {
   void remove(const std::vector<Index>& ids) override;
   void move_wall(Index body, const MotionArguments& arguments) override;
 
-  std::optional<Real> integrated(const std::string& name) const override;
+  bool inertial() const override { return simulation().overdamped() == nullptr; }
+  std::pair<Real, Real> work_and_heat() override;
   py::dict energies() override;
   py::dict forces() override;
   py::dict contacts() override;
@@ -129,7 +131,18 @@ class Simulated final : public AnySimulation {
   void mark_changed() {
     simulation_->changed();
     fresh_ = true;
+    function_power_.reset();
+    field_->start_power();
   }
+  /// Changes up to now, of state, particles, parameters and walls, count as work.
+  void settle();
+  /// How often the audit evaluates the heat. Few particles may collide between two evaluations, and controlled steps
+  /// are as long as the motion allows.
+  void follow_heat();
+  /// After a step with inertia: its work and heat. function: of the run, or null.
+  void follow_energy(ForceFunction* function);
+  /// Errors: NumericalError if energy is not conserved.
+  void judge_energy();
   /// After a change of positions, parameters or walls.
   void note_change() {
     changed_ = true;
@@ -214,15 +227,18 @@ class Simulated final : public AnySimulation {
   ChangeableField<D>* field_ = nullptr;
   std::unique_ptr<RunOutput<D>> output_;
   std::string failed_;  ///< message of a run that failed
+  std::optional<EnergyAudit<D>> audit_;
+  std::int64_t judged_at_ = 0;  ///< step at which the energy was judged last
   CrossingWatch outlines_;
-  WallWatch<D> walls_;
-  Real critical_ = 0;                 ///< longest stable step
-  IntegratorStatistics before_;       ///< of earlier integrators
-  std::int64_t rebuilds_before_ = 0;  ///< of lists, before a restart
-  Real last_dt_ = 0;                  ///< before a restart
-  bool fresh_ = true;                 ///< nothing that the integrator carries belongs to the state
-  bool called_functions_ = false;     ///< callbacks, or a force function
-  bool function_acts_ = false;        ///< the numbers that the integrator carries include a force function
+  PassageWatch<D> walls_;
+  Real critical_ = 0;                   ///< longest stable step
+  IntegratorStatistics before_;         ///< of earlier integrators
+  std::int64_t rebuilds_before_ = 0;    ///< of lists, before a restart
+  Real last_dt_ = 0;                    ///< before a restart
+  bool fresh_ = true;                   ///< nothing that the integrator carries belongs to the state
+  bool called_functions_ = false;       ///< callbacks, or a force function
+  std::optional<Real> function_power_;  ///< of the force function, at the end of the last step
+  bool function_acts_ = false;          ///< the numbers that the integrator carries include a force function
 
   std::vector<Index> offset_{0};  ///< [N + 1] first point of each particle in arrays
   std::vector<Index> ids_;        ///< [N] that Python sees

@@ -152,6 +152,7 @@ void Simulated<D>::take_changes() {
     gather(topology, numbers(k), columns(k), now.data());
     if (std::ranges::equal(now, given)) continue;
     check_finite(given, columns(k), names[k]);
+    audit_->disturb(k % 2 == 0 ? EnergyAudit<D>::Change::all : EnergyAudit<D>::Change::velocities);
     scatter(topology, given.data(), columns(k), numbers(k));
     note_change();
   }

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include <pliant/python/simulated.h>
+#include <pliant/run/overlap_check.h>
 #include <pliant/scenarios/droplets/protocol.h>
 #include <pliant/setup/particles.h>
 #include <pliant/ts/ts_integrator.h>
@@ -22,6 +23,8 @@ Simulated<D>::Simulated(const ParticleArrays& particles, const AnyWalls& walls, 
   append_particles<D>(all, particles);
   build(std::move(all), walls.get<D>(), 0, 0);
   check_start();
+  audit_.emplace(*simulation_).start();
+  audit_->kicked();
   remember(*this);
 }
 
@@ -64,7 +67,8 @@ std::pair<std::unique_ptr<Simulation<D>>, ChangeableField<D>*> Simulated<D>::mak
   auto mobility = settings_->mobility<D>();
   const Mobility<D>& drag = *mobility;
   std::vector<IntegratedQuantity<D>> quantities{
-      {"work", wall_power<D>},
+      {"work", [changeable](const ForceField<D>& forces,
+                            const StateView<D>& s) { return wall_power(forces, s) + changeable->function_power(s.v); }},
       {"dissipated", [&drag](const ForceField<D>&, const StateView<D>& s) { return drag.power(s); }}};
   return {
       std::make_unique<Simulation<D>>(
@@ -97,8 +101,10 @@ void Simulated<D>::build(ParticleTable all, const Walls<D>& walls, Real t, std::
     for (int k = 0; k < D; ++k) state.images[m][k] += all.images[static_cast<std::size_t>(topology.id[m])][k];
   for (const ParticleTable::Contacts& contacts : all.history)
     if (std::ranges::any_of(particles.history().tables(),
-                            [&](const ContactTable& table) { return table.needs().name == contacts.term; }))
+                            [&](const ContactTable& table) { return table.needs().name == contacts.term; })) {
       particles.history().set(contacts.term, contacts.stored);
+      particles.history().of(contacts.term).set_heat(contacts.heat);
+    }
   particles.set_accepted(state.x());
   simulation_->forget_all();
   const auto start = static_cast<Index>(ids_.size());
@@ -120,6 +126,24 @@ void Simulated<D>::check_start() {
     if (s.position(i) == s.position(j))
       throw InputError("particles {} and {} are at the same place, where the force has no direction; move one", id(i),
                        id(j));
+  if (!deformable() && !settings_->allow_passing_overlap)
+    for (const auto& [i, j] : s.neighbours.point_pairs) {
+      const Real contact = (s.topology.diameter[i] + s.topology.diameter[j]) / 2,
+                 overlap = 1 - (s.position(i) - s.position(j)).norm() / contact;
+      if (overlap > passing_overlap)
+        throw InputError(
+            "particles {} and {} overlap by {:.3g} of their contact distance: they are inside each other; move one, or "
+            "accept it with -allow_passing_overlap",
+            id(i), id(j), overlap);
+    }
+  const Real longest = deformable() ? *std::ranges::max_element(s.topology.l0) : 0;
+  for (const WallSegment& wall : s.walls.segments())
+    if (wall.radius > 0 && wall.radius < longest)
+      throw InputError(
+          "a wall is a disk of radius {:.3g}, which enters edges of polygons, {:.3g} long, as they touch disks at "
+          "their "
+          "ends only; use a polygon",
+          wall.radius, longest);
   for (const auto& [i, part] : s.neighbours.walls) {
     const Real d = s.walls.distance(s.position(i), part, s.t);
     if (!s.walls.solid(part, s.t) && d == 0)
@@ -157,12 +181,17 @@ ParticleTable Simulated<D>::collect() {
   for (std::size_t m = 0; m < state.images.size(); ++m)
     all.images[static_cast<std::size_t>(topology.id[m])] = state.images[m];
   for (const ContactTable& table : simulation_->particles().history().tables())
-    all.history.push_back({table.needs().name, table.pairs(), table.needs().width, table.contacts()});
+    all.history.push_back({table.needs().name,
+                           table.pairs(),
+                           table.needs().width,
+                           table.contacts(),
+                           {table.heat().begin(), table.heat().end()}});
   return all;
 }
 
 template <int D>
 void Simulated<D>::rebuild(const std::function<void(ParticleTable&)>& change, const std::vector<Index>& kept) {
+  audit_->disturb();
   ParticleTable all = collect();
   change(all);
   const Walls<D> walls = simulation_->particles().walls();
@@ -180,12 +209,14 @@ void Simulated<D>::rebuild(const std::function<void(ParticleTable&)>& change, co
     build(std::move(all), walls, now, taken);
     check_start();
     simulation_->state().extra = integrated;
+    audit_->move_to(*simulation_);
   } catch (...) {
     simulation_ = std::move(old);
     std::tie(field_, offset_, ids_, arrays_, critical_) = before;
     new_ids_.clear();
     throw;
   }
+  settle();
   before_.force_evaluations += evaluations;
   rebuilds_before_ = 0;
 }
@@ -238,6 +269,11 @@ void Simulated<D>::set_integrator(std::optional<Real> next) {
     if (ts->needs_jacobian()) simulation_->particles().check_derivatives();
     settings_->options.check_consumed();
     critical_ = ts->longest_stable_step(rates_of(*settings_, critical));
+    if (const Real least = ts->shortest_controlled_step(); least > critical_ && !settings_->allow_unstable_dt)
+      throw InputError(
+          "-ts_adapt_dt_min {:g} is above the limit of stability, {:.3g}: it keeps error control from making the step "
+          "stable; lower it, leave it out, or override with -allow_unstable_dt",
+          least, critical_);
     if (ts->explicit_fixed_step() && ts->next_dt() > critical_ && !settings_->allow_unstable_dt)
       throw InputError("-dt {:g} is above the limit of stability, {:.3g}; shorten the step, or use another method",
                        ts->next_dt(), critical_);

@@ -20,6 +20,7 @@ void Simulated<D>::configure(const std::vector<std::string>& arguments) {
   check_step(*settings, critical);
   // The mobility has coefficients, too.
   if (!overdamped() && field_->fits(*field)) {
+    audit_->disturb();
     field_->replace(std::move(field));
     simulation_->particles().coefficients_changed();
     settings_ = std::move(settings);
@@ -79,6 +80,7 @@ void Simulated<D>::move_wall(Index body, const MotionArguments& arguments) {
   const Motion<D> motion = motion_of<D>(arguments, t());
   wall_record_.moves(walls, body, t());
   walls.set_motion(body, motion);
+  audit_->disturb(EnergyAudit<D>::Change::velocities);
   simulation_->particles().set_walls(std::move(walls));
   note_change();
 }

@@ -50,13 +50,12 @@ py::dict Simulated<D>::energies() {
 }
 
 template <int D>
-std::optional<Real> Simulated<D>::integrated(const std::string& name) const {
-  const OverdampedSystem<D>* const system = simulation().overdamped();
-  if (system == nullptr) return {};
-  const auto& all = system->quantities();
-  const auto found = std::ranges::find(all, name, &IntegratedQuantity<D>::name);
-  if (found == all.end()) throw std::logic_error("no integrated quantity " + name);
-  return simulation().state().extra.at(static_cast<std::size_t>(found - all.begin()));
+std::pair<Real, Real> Simulated<D>::work_and_heat() {
+  const EngineUse use(EngineUse::Kind::access);
+  check_open();
+  take_changes();
+  settle();
+  return {audit_->work(), audit_->heat()};
 }
 
 template <int D>
@@ -150,14 +149,14 @@ py::tuple Simulated<D>::hessian() {
 }
 
 template py::dict Simulated<2>::energies();
-template std::optional<Real> Simulated<2>::integrated(const std::string&) const;
+template std::pair<Real, Real> Simulated<2>::work_and_heat();
 template py::dict Simulated<2>::forces();
 template py::dict Simulated<2>::contacts();
 template Array Simulated<2>::wall_forces();
 template py::dict Simulated<2>::walls();
 template py::tuple Simulated<2>::hessian();
 template py::dict Simulated<3>::energies();
-template std::optional<Real> Simulated<3>::integrated(const std::string&) const;
+template std::pair<Real, Real> Simulated<3>::work_and_heat();
 template py::dict Simulated<3>::forces();
 template py::dict Simulated<3>::contacts();
 template Array Simulated<3>::wall_forces();

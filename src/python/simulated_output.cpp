@@ -20,7 +20,7 @@ void Simulated<D>::open_output(const std::string& folder, const OutputIntervals&
   take_changes();
   intervals.check();
   output_ = std::make_unique<RunOutput<D>>(folder, intervals, topology_by_id(), settings_->model.name,
-                                           settings_->options, *simulation_);
+                                           settings_->options, *simulation_, *audit_);
   write_checkpoint(false);  // a killed program always leaves one
 }
 
@@ -31,7 +31,7 @@ void Simulated<D>::write_frame() {
 
 template <int D>
 void Simulated<D>::write_sample() {
-  write([&] { output_->write_sample(*simulation_); });
+  write([&] { output_->write_sample(*simulation_, *audit_); });
 }
 
 template <int D>
@@ -67,6 +67,12 @@ void Simulated<D>::visit(Archive& a, MotionNumbers& n) {
   motion.numbers(Archive::any, {});
   a.flag("force_function", function_acts_);
   a.newer("called_functions", called_functions_, 0, 1);
+  if (!a.reads() || a.from().integers.contains("audit_started")) audit_->visit(a);
+  if (!a.reads() || a.from().reals.contains("function_power")) {
+    Real power = function_power_.value_or(0);
+    a.number("function_power", power);
+    if (a.reads()) function_power_ = power;
+  }
   output_->visit(a);
   motion.state();
   if (a.reads()) set_integrator(n.dt);
@@ -76,6 +82,7 @@ void Simulated<D>::visit(Archive& a, MotionNumbers& n) {
 
 template <int D>
 void Simulated<D>::write_checkpoint(bool changed) {
+  settle();
   const Integrator& integrator = simulation_->integrator();
   const ParticleSystem<D>& particles = simulation_->particles();
   const IntegratorStatistics& now = integrator.statistics();
@@ -116,6 +123,7 @@ Simulated<D>::Simulated(const Checkpoint& c, const nlohmann::json& from, const O
   state.step = c.step;
   const StoredParticles stored(c, simulation_->all(), D, Ranks());
   Archive archive(c, &stored);
+  audit_.emplace(*simulation_);
   MotionNumbers n;
   n.taken.steps = c.step;
   called_functions_ = true;  // unless the checkpoint says otherwise, which one of an older version does not
@@ -129,6 +137,9 @@ Simulated<D>::Simulated(const Checkpoint& c, const nlohmann::json& from, const O
     if (deformable()) outlines_.start(simulation_->particles(), state);
   output_->go_on(c.file, all);
   simulation_->forget_all();
+  follow_heat();
+  audit_->start();
+  judged_at_ = c.step;
   remember(*this);
 }
 
@@ -154,9 +165,10 @@ void Simulated<D>::end_output() {
   // Without the last sample and frame, which an uninterrupted run has not.
   if (failed_.empty()) write_checkpoint(false);
   const std::unique_ptr<RunOutput<D>> output = std::move(output_);
+  settle();
   output->finish(settings_->options,
                  before_.force_evaluations + simulation_->integrator().statistics().force_evaluations, failed_,
-                 *simulation_);
+                 *simulation_, *audit_);
 }
 
 template Simulated<2>::Simulated(const Checkpoint&, const nlohmann::json&, const OutputIntervals&, FolderLock);

@@ -36,6 +36,8 @@ void Simulated<D>::run(std::optional<Real> duration, std::int64_t count, const s
   Running running(*this, callbacks, count);
   const Real end = end_of(duration, count);
   prepare();
+  settle();
+  audit_->prepare(fresh_);
   const CureOptions cures([this](Cure cure) { return settings_->options.curing(cure); });
   std::unique_ptr<ForceFunction> function;
   const bool acts = !force.is_none();
@@ -56,7 +58,10 @@ void Simulated<D>::run(std::optional<Real> duration, std::int64_t count, const s
         simulation_->advance(end, [&](State&) { return running.after_step(function.get()); });
         more = running.apply_deferred();
       }
-      if (!running.error) check_walls(running.step);
+      if (!running.error) {
+        check_walls(running.step);
+        judge_energy();
+      }
       if (function && !running.error) simulation_->find_velocities();  // with the function, which ends with the run
     } catch (...) {
       failure = std::current_exception();
@@ -91,6 +96,8 @@ py::dict Simulated<D>::minimize(Real force_tolerance, std::int64_t most_iteratio
   if (most_iterations < 1) throw InputError("max_iterations is {}, but must be at least 1", most_iterations);
   ParticleSystem<D>& system = simulation_->particles();
   State& state = simulation_->state();
+  const CureOptions cures([this](Cure cure) { return settings_->options.curing(cure); });
+  audit_->disturb();
   if (!std::isfinite(field_->critical_step(system.topology()).elastic))
     throw InputError("this model has no energies of contact or shape to minimise");
   PendingError error;
@@ -126,6 +133,7 @@ py::dict Simulated<D>::minimize(Real force_tolerance, std::int64_t most_iteratio
     box_ = system.box();
     simulation_->forget_velocities();
     mark_changed();
+    settle();
   }
   show_state();
   error.rethrow();
@@ -226,6 +234,8 @@ struct Simulated<D>::Running {
     if (error) return AfterStep::stop;  // exception of the force function
     Simulation<D>& simulation = *of.simulation_;
     of.stale_ = true;
+    of.follow_energy(function);
+    if (error) return AfterStep::stop;
     if constexpr (D == 2)
       if (of.deformable()) of.outlines_.after_step(simulation.particles(), simulation.state());
     of.walls_.after_step(simulation.particles(), simulation.state());
@@ -246,24 +256,39 @@ struct Simulated<D>::Running {
     if (left > 0) --left;
     const bool changed = std::exchange(of.changed_, false), ends = error || of.stop_ || left == 0,
                stops = ends || !of.deferred_.empty();
-    if (changed) after_change();
+    if (changed) {
+      of.settle();
+      of.function_power_.reset();
+      of.field_->start_power();
+      after_change();
+    }
     if (function != nullptr) function->keep(simulation.state());
     if (!error && steps++ % 128 == 0) error.guard([&] { of.check_walls(step); });
     ended = ends || error;
     const bool sorted = !stops && !error && !changed && simulation.wants_sorting();
-    if (sorted) simulation.sort();
+    if (sorted) sort();
     if (of.output_ && !error) {
-      of.output_->follow(simulation);
+      of.output_->follow(simulation, *of.audit_);
       if (of.deferred_.empty() && (of.output_->save_asked() || (now_and_then && of.output_->save_due())))
         of.write_checkpoint(changed || (ends && function != nullptr));  // the force ends with the run
     }
     if (sorted) after_change();
+    of.audit_->prepare(changed);
     if (stops || error) {
       if (changed) of.mark_changed();
       return AfterStep::stop;
     }
     if (changed) return AfterStep::changed;
     return sorted ? AfterStep::reordered : AfterStep::proceed;
+  }
+
+  /// A periodic box lifts particles that have fallen through it.
+  void sort() {
+    bool lifts = false;
+    for (int k = 0; k < D; ++k) lifts = lifts || (of.weight_[k] != 0 && of.box_.periodic(k));
+    if (lifts) of.audit_->disturb();
+    of.simulation_->sort();
+    if (lifts) of.settle();
   }
 
   /// Particles or walls are elsewhere, or particles are in another order.
@@ -304,6 +329,7 @@ template <int D>
 void Simulated<D>::start_watches() {
   if constexpr (D == 2)
     if (deformable()) outlines_.start(simulation_->particles(), simulation_->state());
+  walls_.allow_overlaps(settings_->allow_passing_overlap, ", or accept it with -allow_passing_overlap");
   walls_.start(simulation_->particles(), simulation_->state());
 }
 
@@ -319,6 +345,43 @@ void Simulated<D>::check_walls(Real step) {
 }
 
 template <int D>
+void Simulated<D>::follow_heat() {
+  constexpr std::int64_t always = 16, seldom = 64;  // points up to which every step is checked; steps
+  const bool often = settings_->model.value(Role::kinetic_friction) > 0 || settings_->method == Method::ts;
+  audit_->sample_every(often ? std::clamp<std::int64_t>(simulation_->topology().owned_points() / always, 1, seldom)
+                             : seldom);
+}
+
+template <int D>
+void Simulated<D>::settle() {
+  audit_->settle();
+  follow_heat();
+}
+
+template <int D>
+void Simulated<D>::follow_energy(ForceFunction* function) {
+  if (overdamped()) return;  // work and heat are integrated with the positions
+  if (function == nullptr) return audit_->follow();
+  // Velocity Verlet has called the function at the end of the step, other methods elsewhere.
+  if (!simulation_->integrator().carries()) field_->find_function(simulation_->view());
+  const Real start = function_power_.value_or(field_->first_power()),
+             end = field_->function_power(simulation_->state().v().data());
+  function_power_ = end;
+  audit_->follow({start, end});
+}
+
+template <int D>
+void Simulated<D>::judge_energy() {
+  constexpr std::int64_t steps_between = 64;  // a budget costs as much as a few steps
+  settle();
+  if (settings_->allow_energy_error || (overdamped() && !settings_->droplets()) ||
+      std::abs(steps() - judged_at_) < steps_between)
+    return;
+  judged_at_ = steps();
+  check_energy(audit_->budget());
+}
+
+template <int D>
 Real Simulated<D>::end_of(std::optional<Real> duration, std::int64_t count) const {
   if (!duration) {
     if (count < 1) throw InputError("step({}): give a positive number of steps", count);
@@ -331,9 +394,13 @@ Real Simulated<D>::end_of(std::optional<Real> duration, std::int64_t count) cons
   return t() + *duration;
 }
 
+template void Simulated<2>::settle();
+template void Simulated<2>::judge_energy();
 template void Simulated<2>::start_watches();
 template void Simulated<2>::run(std::optional<Real>, std::int64_t, const std::vector<Callback>&, py::object);
 template py::dict Simulated<2>::minimize(Real, std::int64_t, std::optional<Real>);
+template void Simulated<3>::settle();
+template void Simulated<3>::judge_energy();
 template void Simulated<3>::start_watches();
 template void Simulated<3>::run(std::optional<Real>, std::int64_t, const std::vector<Callback>&, py::object);
 template py::dict Simulated<3>::minimize(Real, std::int64_t, std::optional<Real>);

@@ -68,8 +68,9 @@ class AnySimulation {
   virtual void remove(const std::vector<Index>& indices) = 0;
   virtual void move_wall(Index body, const MotionArguments& motion) = 0;
 
-  /// Without inertia: "work" or "dissipated", since the start; with inertia nothing.
-  virtual std::optional<Real> integrated(const std::string& name) const = 0;
+  virtual bool inertial() const = 0;
+  /// Work of the outside, and energy dissipated, since the start.
+  virtual std::pair<Real, Real> work_and_heat() = 0;
   virtual py::dict energies() = 0;
   virtual py::dict forces() = 0;
   virtual py::dict contacts() = 0;

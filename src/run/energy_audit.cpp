@@ -4,6 +4,7 @@
 
 #include <array>
 #include <limits>
+#include <stdexcept>
 
 namespace pliant {
 
@@ -33,6 +34,15 @@ std::string EnergyBudget::text() const {
                        : (std::isfinite(uncertainty) ? fmt::format(" ± {:.2g}", 100 * uncertainty / scale()) : " ± ?");
   return fmt::format("energy: change {:.4g}, work {:.4g}, heat {:.4g}; error {:.2g}{} %", change, work, heat,
                      100 * relative_error(), sampled);
+}
+
+void check_energy(const EnergyBudget& budget) {
+  constexpr Real limit = 0.1;
+  if (!(budget.certain_error() > limit)) return;
+  throw NumericalError(
+      "{}: energy is not conserved; use a shorter step (-dt) or lower tolerances, or accept it with "
+      "-allow_energy_error",
+      budget.text());
 }
 
 void SampledIntegral::add(Real t, Real value) {
@@ -68,8 +78,8 @@ void EnergyAudit<D>::start() {
     started_ = true;
     start_energy_ = energy();
     power_ = wall_power(At::anywhere);
-    power_at_ = simulation_.state().t;
-    sample(At::anywhere);
+    power_at_ = simulation_->state().t;
+    if (inertia()) sample(At::anywhere);
   }
   prepare(false);
 }
@@ -77,15 +87,17 @@ void EnergyAudit<D>::start() {
 template <int D>
 void EnergyAudit<D>::prepare(bool changed) {
   predicted_.clear();
-  const Integrator& integrator = simulation_.integrator();
-  if (changed || !integrator.carries() || !due(simulation_.state().step + 1)) return;
+  const Integrator& integrator = simulation_->integrator();
+  if (changed || !integrator.carries() || !due(simulation_->state().step + 1)) return;
   predicted_.assign(integrator.carried().begin(), integrator.carried().end());
 }
 
 template <int D>
-void EnergyAudit<D>::follow() {
-  const State& s = simulation_.state();
-  if (simulation_.particles().walls().move()) {
+void EnergyAudit<D>::follow(const std::pair<Real, Real>& outer) {
+  if (!inertia()) return;
+  const State& s = simulation_->state();
+  if (outer != std::pair<Real, Real>(0, 0)) work_ += (outer.first + outer.second) / 2 * (s.t - power_at_);
+  if (simulation_->particles().walls().move()) {
     const Real power = wall_power(At::end_of_step);
     work_ += (power_ + power) / 2 * (s.t - power_at_);
     power_ = power;
@@ -95,11 +107,39 @@ void EnergyAudit<D>::follow() {
 }
 
 template <int D>
+void EnergyAudit<D>::disturb(Change what) {
+  if (!started_) return;
+  if (!undisturbed_) {
+    undisturbed_.emplace(Energies{kinetic_energy(), {}});
+    if (inertia() && heat_.last_time() != simulation_->state().t)
+      heat_.add(simulation_->state().t, rates(At::anywhere).heat);
+  }
+  if (what == Change::all && !undisturbed_->potential) undisturbed_->potential = potential_energy();
+}
+
+template <int D>
+void EnergyAudit<D>::settle() {
+  if (!undisturbed_) return;
+  const Energies before = *undisturbed_;
+  undisturbed_.reset();
+  const Real kinetic = kinetic_energy();
+  brought_ += kinetic - before.kinetic;
+  if (kinetic != before.kinetic) kicked();
+  if (before.potential) brought_ += potential_energy() - *before.potential;
+  if (!inertia()) return;
+  predicted_.clear();
+  power_ = wall_power(At::anywhere);
+  const Rates now = rates(At::anywhere);
+  heat_.jump(now.heat);
+  largest_ = std::max(largest_, now.kinetic_energy);
+}
+
+template <int D>
 StateView<D> EnergyAudit<D>::view(const Real* v, At at) {
-  State& s = simulation_.state();
-  ParticleSystem<D>& particles = simulation_.particles();
-  return at == At::end_of_step && simulation_.integrator().carries() ? particles.last_view(s.x().data(), v, s.t)
-                                                                     : particles.view(s.x().data(), v, s.t);
+  State& s = simulation_->state();
+  ParticleSystem<D>& particles = simulation_->particles();
+  return at == At::end_of_step && simulation_->integrator().carries() ? particles.last_view(s.x().data(), v, s.t)
+                                                                      : particles.view(s.x().data(), v, s.t);
 }
 
 template <int D>
@@ -111,68 +151,75 @@ Real EnergyAudit<D>::kinetic_energy(const StateView<D>& s) const {
 }
 
 template <int D>
+Real EnergyAudit<D>::kinetic_energy() {
+  if (!inertia()) return 0;
+  return simulation_->ranks().sum(kinetic_energy(view(simulation_->state().v().data(), At::anywhere)));
+}
+
+template <int D>
+Real EnergyAudit<D>::potential_energy() {
+  const StateView<D> s = view(simulation_->state().v().data(), At::anywhere);
+  return simulation_->ranks().sum(simulation_->particles().field().energy(s));
+}
+
+template <int D>
 Real EnergyAudit<D>::energy() {
-  const StateView<D> s = view(simulation_.state().v().data(), At::anywhere);
-  return simulation_.ranks().sum(kinetic_energy(s) + simulation_.particles().field().energy(s));
+  const StateView<D> s = view(simulation_->state().v().data(), At::anywhere);
+  return simulation_->ranks().sum(kinetic_energy(s) + simulation_->particles().field().energy(s));
 }
 
 template <int D>
 Real EnergyAudit<D>::energy_of(std::span<const Index> ids) {
-  const StateView<D> s = view(simulation_.state().v().data(), At::anywhere);
-  Real sum = simulation_.particles().field().energy_of(s, ids);
+  const StateView<D> s = view(simulation_->state().v().data(), At::anywhere);
+  Real sum = simulation_->particles().field().energy_of(s, ids);
   if (inertia())
     for (const Index id : ids)
       for (Index m = 0; m < s.topology.owned(); ++m)
         if (s.topology.id[m] == id)
           for (Index i = s.topology.offset[m]; i < s.topology.offset[m + 1]; ++i) sum += s.kinetic_energy(i);
-  return simulation_.ranks().sum(sum);
+  return simulation_->ranks().sum(sum);
 }
 
 template <int D>
 Real EnergyAudit<D>::wall_power(At at) {
-  if (!simulation_.particles().walls().move()) return 0;
-  const StateView<D> s = view(simulation_.state().v().data(), at);
-  return simulation_.ranks().sum(pliant::wall_power(simulation_.particles().field(), s));
+  if (!simulation_->particles().walls().move()) return 0;
+  const StateView<D> s = view(simulation_->state().v().data(), at);
+  return simulation_->ranks().sum(pliant::wall_power(simulation_->particles().field(), s));
 }
 
 template <int D>
 typename EnergyAudit<D>::Rates EnergyAudit<D>::rates(At at) {
-  const ParticleSystem<D>& particles = simulation_.particles();
-  const State& state = simulation_.state();
+  const ParticleSystem<D>& particles = simulation_->particles();
+  const State& state = simulation_->state();
   std::array<Real, 2> sums{};  // power, kinetic energy
-  if (!inertia()) {
-    simulation_.find_velocities();
-    sums[0] = simulation_.overdamped()->mobility().power(view(state.v().data(), at));
-  } else {
-    const std::size_t n = state.size();
-    const bool known = predicted_.size() == n;
-    const StateView<D> s = view(known ? predicted_.data() : state.v().data(), at);
-    std::vector<Real> force(static_cast<std::size_t>(s.topology.points()) *
-                            static_cast<std::size_t>(particles.coordinates().all()));
-    particles.field().dissipative_forces(s, force.data());
-    for (std::size_t k = 0; k < n; ++k) sums[0] -= force[k] * state.v()[k];
-    StateView<D> own = s;
-    own.v = state.v().data();
-    if (own.spins != nullptr) own.spins = particles.rotations_in(state.v()).data();
-    sums[1] = kinetic_energy(own);
-  }
-  simulation_.ranks().sum(sums);
+  const std::size_t n = state.size();
+  const bool known = predicted_.size() == n;
+  const StateView<D> s = view(known ? predicted_.data() : state.v().data(), at);
+  std::vector<Real> force(static_cast<std::size_t>(s.topology.points()) *
+                          static_cast<std::size_t>(particles.coordinates().all()));
+  particles.field().dissipative_forces(s, force.data());
+  for (std::size_t k = 0; k < n; ++k) sums[0] -= force[k] * state.v()[k];
+  StateView<D> own = s;
+  own.v = state.v().data();
+  if (own.spins != nullptr) own.spins = particles.rotations_in(state.v()).data();
+  sums[1] = kinetic_energy(own);
+  simulation_->ranks().sum(sums);
   return {sums[0], sums[1]};
 }
 
 template <int D>
 void EnergyAudit<D>::sample(At at) {
   const Rates now = rates(at);
-  heat_.add(simulation_.state().t, now.heat);
+  heat_.add(simulation_->state().t, now.heat);
   largest_ = std::max(largest_, now.kinetic_energy);
 }
 
 template <int D>
 std::pair<SampledIntegral, Real> EnergyAudit<D>::until_now() {
   std::pair all{heat_, largest_};
-  if (due(simulation_.state().step)) return all;
+  if (due(simulation_->state().step)) return all;
   const Rates now = rates(At::anywhere);
-  all.first.add(simulation_.state().t, now.heat);
+  all.first.add(simulation_->state().t, now.heat);
   all.second = std::max(largest_, now.kinetic_energy);
   return all;
 }
@@ -180,28 +227,56 @@ std::pair<SampledIntegral, Real> EnergyAudit<D>::until_now() {
 /// Energy of contacts compressed by 1e-9 of a radius.
 template <int D>
 Real EnergyAudit<D>::rounding() const {
-  if (!inertia()) return 0;
-  const Topology& own = simulation_.topology();
-  const Real elastic = simulation_.particles().field().critical_step(own).elastic;
+  const Topology& own = simulation_->topology();
+  const Real elastic = simulation_->particles().field().critical_step(own).elastic;
   Real sum = 0;
   for (Index m = 0; m < own.owned(); ++m)
     sum += own.point_mass[m] * own.points_of(m) * square(1e-9 * own.sigma[m] / elastic);
-  return simulation_.ranks().sum(sum);
+  return simulation_->ranks().sum(sum);
+}
+
+template <int D>
+Real EnergyAudit<D>::integrated(std::string_view name) const {
+  const auto& all = simulation_->overdamped()->quantities();
+  const auto found = std::ranges::find(all, name, &IntegratedQuantity<D>::name);
+  if (found == all.end()) throw std::logic_error("the system integrates no " + std::string(name));
+  const auto k = static_cast<std::size_t>(found - all.begin());
+  return simulation_->ranks().broadcast(simulation_->ranks().root() ? simulation_->state().extra.at(k) : 0);
+}
+
+template <int D>
+Real EnergyAudit<D>::work() const {
+  return (inertia() ? work_ : integrated("work")) + brought_;
+}
+
+template <int D>
+Real EnergyAudit<D>::contact_heat() const {
+  Real sum = 0;
+  for (const ContactTable& table : simulation_->particles().history().tables())
+    for (const Real lost : table.heat()) sum += lost;
+  return simulation_->ranks().sum(sum);
+}
+
+template <int D>
+Real EnergyAudit<D>::heat() {
+  return inertia() ? contact_heat() + sampled_heat() : integrated("dissipated");
 }
 
 template <int D>
 EnergyBudget EnergyAudit<D>::budget() {
-  const auto [heat, largest] = until_now();
   EnergyBudget b;
-  for (const ContactTable& table : simulation_.particles().history().tables())
-    for (const Real lost : table.heat()) b.heat += lost;
-  b.heat = simulation_.ranks().sum(b.heat) + heat.value();
-  b.uncertainty = heat.error();
+  if (inertia()) {
+    const auto [heat, largest] = until_now();
+    b.heat = contact_heat() + heat.value();
+    b.uncertainty = heat.error();
+    b.largest = largest;
+    b.rounding = rounding();
+  } else {
+    b.heat = integrated("dissipated");
+  }
   b.energy = energy();
   b.change = b.energy - start_energy_;
   b.work = work();
-  b.largest = largest;
-  b.rounding = rounding();
   return b;
 }
 
@@ -215,6 +290,7 @@ void EnergyAudit<D>::visit(Archive& a) {
   a.number("audit_power_at", power_at_, 0, a.t());
   a.number("audit_largest", largest_, 0);
   heat_.visit(a, "audit_heat");
+  if (a.reads() || kicked_at_ >= 0) a.newer("audit_kicked_at", kicked_at_);
 }
 
 template class EnergyAudit<2>;

@@ -5,8 +5,10 @@
 #include <cmath>
 #include <cstdint>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -38,10 +40,16 @@ struct EnergyBudget {
   std::string text() const;  ///< a line for the end of a run
 };
 
+/// Errors: NumericalError if the energy error is so large that no result can be trusted.
+void check_energy(const EnergyBudget& budget);
+
 /// ∫ value dt by the trapezoidal rule, with the standard error of the values between the times.
 class SampledIntegral {
  public:
   void add(Real t, Real value);
+  /// The value has jumped since the last call, at the same time.
+  void jump(Real value) { before_ = last_ = {last_.first, value}; }
+  Real last_time() const { return last_.first; }  ///< time of the last value
   Real value() const { return sum_; }
   /// As if neighbouring values were independent: an upper estimate. Unknown, infinite, below 8 values.
   Real error() const;
@@ -60,16 +68,23 @@ class SampledIntegral {
 /// steps. Drag and friction without history are evaluated every `stride` steps: their power costs as much as a force.
 /// With velocity Verlet the power is f(x, p) · v, with f computed from the predicted velocities p: summed over all
 /// steps this is exactly the loss of kinetic energy by these forces, at half steps.
+/// Without inertia work and heat are those that the system integrates with its positions, "work" and "dissipated".
 template <int D>
 class EnergyAudit {
  public:
-  explicit EnergyAudit(Simulation<D>& simulation) : simulation_(simulation) {}
+  explicit EnergyAudit(Simulation<D>& simulation) : simulation_(&simulation) {}
+  /// At least every so many steps the power of the heat is evaluated: where few contacts dissipate, and not always.
+  void sample_every(std::int64_t steps) { longest_stride_ = steps; }
+  /// The same particles, or others, in another simulation, between disturb() and settle(). The heat of contacts is
+  /// there already.
+  void move_to(Simulation<D>& simulation) { simulation_ = &simulation; }
 
   /// To be called before the first step of a process, with a complete state, new or restored. Collective, as all
   /// functions below.
   void start();
-  /// To be called after an accepted step, before any other change of the state.
-  void follow();
+  /// To be called after an accepted step, before any other change of the state. outer: power of forces that do not
+  /// belong to the model, at the start and at the end of the step; with inertia.
+  void follow(const std::pair<Real, Real>& outer = {0, 0});
   /// Before the next step. changed: the state was changed since follow().
   void prepare(bool changed);
   /// change() moves, adds or removes these particles (ids), by other means than forces.
@@ -90,8 +105,19 @@ class EnergyAudit {
     power_ = wall_power(At::anywhere);
   }
 
-  Real wall_work() const { return work_; }        ///< work of moving walls
-  Real work() const { return work_ + brought_; }  ///< of walls, and of changes that outside() has made
+  /// The part of the state that a change concerns: velocities alone, or more.
+  enum class Change { velocities, all };
+  /// To be called before the state, the particles, the coefficients or the walls change by other means than forces, as
+  /// often as they do. All changes until settle() count as work; outside() is for a single one.
+  void disturb(Change what = Change::all);
+  /// The kinetic energy is new, also at the start: the power of the heat is evaluated often until it has settled.
+  void kicked() { kicked_at_ = simulation_->state().step; }
+  /// After such changes: before the next step, and before work or heat are asked for and stored.
+  void settle();
+
+  Real wall_work() const { return work_; }  ///< work of moving walls
+  Real work() const;                        ///< of walls, outer forces, and changes from outside
+  Real heat();                              ///< until now
   /// Heat of drag and of friction without history until now.
   Real sampled_heat() { return until_now().first.value(); }
   EnergyBudget budget();
@@ -99,15 +125,27 @@ class EnergyAudit {
   void visit(Archive& archive);
 
  private:
-  bool due(std::int64_t step) const { return step % stride() == 0; }
-  std::int64_t stride() const { return simulation_.integrator().carries() ? 64 : 8; }
-  bool inertia() const { return simulation_.overdamped() == nullptr; }
+  bool due(std::int64_t step) const { return step % stride(step) == 0; }
+  /// Shorter after a kick, whose heat drag may take up at once: an eighth of the steps since then.
+  std::int64_t stride(std::int64_t step) const {
+    const std::int64_t longest = std::min<std::int64_t>(simulation_->integrator().carries() ? 64 : 8, longest_stride_);
+    if (kicked_at_ < 0 || step - kicked_at_ >= 8 * longest) return longest;
+    std::int64_t stride = 1;
+    while (16 * stride <= step - kicked_at_) stride *= 2;
+    return std::min(stride, longest);
+  }
+  bool inertia() const { return simulation_->overdamped() == nullptr; }
+  /// Without inertia.
+  Real integrated(std::string_view name) const;
   /// Whether the state is that at the end of a step, where velocity Verlet has evaluated the forces.
   enum class At { end_of_step, anywhere };
   /// With valid lists.
   StateView<D> view(const Real* v, At at);
   Real rounding() const;
+  Real contact_heat() const;
   Real kinetic_energy(const StateView<D>& s) const;
+  Real kinetic_energy();
+  Real potential_energy();
   Real energy();
   Real energy_of(std::span<const Index> ids);
   Real wall_power(At at);
@@ -119,13 +157,20 @@ class EnergyAudit {
   /// The integral of the sampled heat, and the largest kinetic energy. Copies, because the run may continue.
   std::pair<SampledIntegral, Real> until_now();
 
-  Simulation<D>& simulation_;
+  Simulation<D>* simulation_;
+  std::int64_t longest_stride_ = 64;
+  std::int64_t kicked_at_ = -1;  ///< step after which disturb() and settle() have changed the kinetic energy last
   bool started_ = false;
   Real start_energy_ = 0, brought_ = 0, work_ = 0;
   Real power_ = 0, power_at_ = 0;  ///< of walls, at the end of the last step
   Real largest_ = 0;               ///< kinetic energy
   SampledIntegral heat_;           ///< heat of drag and of friction without history
   std::vector<Real> predicted_;    ///< velocities that the forces at the end of the next step see
+  struct Energies {
+    Real kinetic;
+    std::optional<Real> potential;
+  };
+  std::optional<Energies> undisturbed_;  ///< before the changes that settle() will count
 };
 
 extern template class EnergyAudit<2>;

@@ -1,4 +1,4 @@
-// Columns of a run for heat.
+// Columns of a run for its energy budget.
 #pragma once
 
 #include <fmt/format.h>
@@ -8,6 +8,7 @@
 #include <pliant/base/ranks.h>
 #include <pliant/io/run_writer.h>
 #include <pliant/model/contact_history.h>
+#include <pliant/run/energy_audit.h>
 
 namespace pliant {
 
@@ -24,6 +25,20 @@ inline Real add_heat(std::vector<SeriesValue>& row, const ContactHistory& histor
     }
   }
   return all;
+}
+
+/// Appends, with inertia, the heat of contacts by cause, and `work` and `heat` since the start: the sum of all energies
+/// changes by work − heat. Without inertia `work` and `dissipated`. Collective.
+template <int D>
+void add_budget(std::vector<SeriesValue>& row, EnergyAudit<D>& audit, Simulation<D>& simulation) {
+  if (simulation.overdamped() != nullptr) {
+    row.emplace_back("work", audit.work());
+    row.emplace_back("dissipated", audit.heat());
+    return;
+  }
+  const Real heat = add_heat(row, simulation.particles().history(), simulation.ranks());
+  row.emplace_back("work", audit.work());
+  row.emplace_back("heat", heat + audit.sampled_heat());
 }
 
 }  // namespace pliant

@@ -428,16 +428,10 @@ ExitCode Run<D>::finish() {
   return stopped() ? ExitCode::stopped : ExitCode::done;
 }
 
-/// Errors: NumericalError if the energy error is so large that no result can be trusted.
 template <int D>
 void Run<D>::judge_energy() {
-  constexpr Real limit = 0.1;
   budget_ = protocol_->energy_budget();
-  if (!budget_ || p_.allow_energy_error || !(budget_->certain_error() > limit)) return;
-  throw NumericalError(
-      "{}: energy is not conserved; use a shorter step (-dt) or lower tolerances, or accept it with "
-      "-allow_energy_error",
-      budget_->text());
+  if (budget_ && !p_.allow_energy_error) check_energy(*budget_);
 }
 
 /// How far the results of the run can be trusted. On the root.

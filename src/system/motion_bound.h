@@ -16,7 +16,7 @@ enum class MotionSince {
   list_rebuild,   ///< positions or walls have moved from the reference of the neighbour lists
   narrowing,      ///< of the list of vertices and edges
   outline_check,  ///< of vertices and outlines (CrossingWatch)
-  wall_check,     ///< of points and walls (WallWatch)
+  passage_check,  ///< of points with walls and each other (PassageWatch)
 };
 
 /// Upper bound of how far any point has moved, without reading the positions. An integrator reports by how much

@@ -78,8 +78,8 @@ class ParticleSystem final : public ImplicitSystem {
   const MotionBound& motion() const { return motion_; }
   /// Outlines were checked at positions from which no point is farther than `distance` now.
   void outlines_checked(Real distance = 0) { motion_.restart(MotionSince::outline_check, distance); }
-  /// The same for points and walls; the motion of walls does not count.
-  void walls_checked(Real distance = 0) { motion_.restart(MotionSince::wall_check, distance); }
+  /// The same for points with walls and each other; the motion of walls does not count.
+  void passages_checked(Real distance = 0) { motion_.restart(MotionSince::passage_check, distance); }
 
   /// Whether there may be ghosts: on several ranks, and in a periodic box.
   bool has_ghosts() const { return ranks_.several() || !box_.open(); }

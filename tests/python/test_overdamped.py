@@ -86,9 +86,6 @@ def test_the_energy_budget_with_a_wall_that_moves():
     work = sim.work
     sim.run(5)
     assert sim.work == work
-    still = Simulation([[0, 0]], 1)
-    with pytest.raises(pliant.UsageError, match="without inertia only"):
-        still.work
 
 
 def test_a_raft_is_that_of_the_scenario(tmp_path):

@@ -1027,3 +1027,64 @@ def test_a_drawing_in_a_box_and_in_space():
             matplotlib.pyplot.close(axes.figure)
             with pytest.raises(pliant.RunError, match="color is 'mass'"):
                 sim.draw("mass")
+
+
+# --- Particles that pass through each other
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("integrator", ["verlet", "rk"])
+def test_particles_that_pass_through_each_other_end_the_run(dim, integrator):
+    """In the step in which it happens."""
+    def collide(**options):
+        x, v = np.zeros((2, dim)), np.zeros((2, dim))
+        x[1, 0], v[0, 0] = 1.5, 10
+        return Simulation(x, 1, velocities=v, e_sp=1, integrator=integrator, dt=1e-3, **options)
+    sim = collide()
+    with pytest.raises(pliant.NumericalError, match=r"particles 0 and 1 overlap by 0\.9[5-9]\d* of their contact distance.*"
+                                                    r"-e_sp.*-allow_passing_overlap"):
+        sim.run(1)
+    assert 0 < sim.positions[1, 0] - sim.positions[0, 0] < 0.05
+    free = collide(allow_passing_overlap=True)
+    free.run(1)
+    assert free.positions[0, 0] > free.positions[1, 0]
+
+
+def test_particles_that_pass_each_other_across_a_periodic_border_end_the_run():
+    sim = Simulation([[0.2, 1], [3.5, 1]], 1, velocities=[[-10, 0], [0, 0]], e_sp=1, box=(4, 4))
+    with pytest.raises(pliant.NumericalError, match="particles 0 and 1 overlap by 0.9"):
+        sim.run(1)
+
+
+def test_particles_inside_each_other_are_refused():
+    with pytest.raises(pliant.InputError, match="particles 0 and 1 overlap by 0.97 of their contact distance"):
+        Simulation([[0, 0], [0.03, 0]], 1)
+    sim = Simulation([[0, 0], [0.03, 0]], 1, allow_passing_overlap=True)
+    with pytest.raises(pliant.InputError, match="particles 1 and 2 overlap"):
+        sim.set(allow_passing_overlap=False)
+        sim.positions[1] = (3, 0)
+        sim.add([[3.01, 0]], 1)
+    with pytest.raises(pliant.NumericalError, match="particles 0 and 1 overlap"):
+        sim.run(1, callback=lambda sim: sim.positions.__setitem__(1, sim.positions[0] + (0.02, 0)))
+
+
+def test_a_minimum_with_particles_inside_each_other_is_refused():
+    """Soft disks one above the other in a narrow slot, which do not carry their weight."""
+    walls = floor()
+    walls.half_space((-0.51, 0), (1, 0))
+    walls.half_space((0.51, 0), (-1, 0))
+    sim = Simulation([[0.005, 0.5], [-0.005, 1.4]], 1, walls=walls, gravity=(0, -1), e_sp=0.05)
+    before = sim.positions.copy()
+    with pytest.raises(pliant.NumericalError, match="particles 0 and 1 overlap by 0.9.*-e_sp"):
+        sim.minimize(force_tolerance=1e-6)
+    np.testing.assert_array_equal(sim.positions, before)
+
+
+def test_other_guards_of_the_scenarios():
+    """A disk that edges of polygons cannot feel; a shortest controlled step above the limit of stability."""
+    walls = Walls()
+    walls.disk((0, 0), 0.05)
+    with pytest.raises(pliant.InputError, match="use a polygon"):
+        Simulation(polygons=pliant.regular_polygons([[0, 3]], 1, 8), walls=walls)
+    with pytest.raises(pliant.InputError, match="ts_adapt_dt_min"):
+        Simulation([[0, 0]], 1, integrator="rk", ts_adapt_dt_min=1.0)

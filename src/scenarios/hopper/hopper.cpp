@@ -254,7 +254,7 @@ class HopperProtocol final : public Protocol<D> {
     check_particles();
     if constexpr (D == 3)
       if (deformable()) check_surfaces();
-    add_energy_budget();
+    if (audit() != nullptr) add_budget(last_sample_.row, audit_, this->simulation());
     count_self_crossings();
     warn_of_short_edges();
     const FlowCount& crossed = last_sample_.crossed;
@@ -482,15 +482,6 @@ class HopperProtocol final : public Protocol<D> {
     return {.stops = p_.self_crossing == OnSelfCrossing::stop,
             .refuses_trials = touches_itself && p_.has_barrier(),
             .cure = cure + "; -self_crossing count continues the run, but areas of such particles are wrong"};
-  }
-
-  /// Columns of the sample: the sum of its energies changes by work − heat.
-  void add_energy_budget() {
-    if (audit() == nullptr) return;
-    std::vector<SeriesValue>& row = last_sample_.row;
-    const Real heat = add_heat(row, particles().history(), ranks());
-    row.emplace_back("work", audit_.work());
-    row.emplace_back("heat", heat + audit_.sampled_heat());
   }
 
   /// A column of the sample, where such particles do not end the run.

@@ -20,7 +20,7 @@
 #include <pliant/run/heat.h>
 #include <pliant/run/memory.h>
 #include <pliant/run/overlap_check.h>
-#include <pliant/run/wall_watch.h>
+#include <pliant/run/passage_watch.h>
 #include <pliant/scenarios/particles/options.h>
 #include <pliant/scenarios/vibrate/options.h>
 #include <pliant/setup/packing.h>
@@ -167,18 +167,18 @@ class VibrateProtocol final : public Protocol<D> {
   }
   void started() override { p_.start.set_motion(this->simulation()); }
   void ready() override {
-    walls_.start(particles(), state());
+    passages_.start(particles(), state());
     watch([&](ParticleSystem<2>& system) { outlines_.start(system, state()); });
   }
 
   // --- During the run
 
   void sorted(const Migration&) override {
-    walls_.start(particles(), state());
+    passages_.start(particles(), state());
     watch([&](ParticleSystem<2>& system) { outlines_.after_change(system, state()); });
   }
   bool follow() override {
-    walls_.after_step(particles(), state());
+    passages_.after_step(particles(), state());
     watch([&](ParticleSystem<2>& system) { outlines_.after_step(system, state()); });
     return false;
   }
@@ -257,9 +257,7 @@ class VibrateProtocol final : public Protocol<D> {
                                  {"wall_force", wall_force},
                                  {"contact_pairs", sums[1]},
                                  {"max_overlap", deepest_.overlap}};
-    const Real heat = add_heat(row, particles().history(), ranks());
-    row.emplace_back("work", audit_.work());
-    row.emplace_back("heat", heat + audit_.sampled_heat());
+    add_budget(row, audit_, this->simulation());
     return row;
   }
 
@@ -410,7 +408,7 @@ class VibrateProtocol final : public Protocol<D> {
   CriticalStep critical_;
   Real critical_step_ = 0;  ///< stability limit of the integrator
   Real mass_ = 0;           ///< sum over all particles
-  WallWatch<D> walls_;
+  PassageWatch<D> passages_;
   CrossingWatch outlines_;  ///< for polygons
   Deepest deepest_;         ///< in the last sample
   Real largest_overlap_ = 0, largest_wall_overlap_ = 0;

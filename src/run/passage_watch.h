@@ -1,6 +1,8 @@
-// Finds points that have passed through walls, and checks again as soon as a passage is possible.
+// Finds particles that have passed through walls or each other, and checks again as soon as a passage is possible.
 #pragma once
 
+#include <string>
+#include <utility>
 #include <vector>
 
 #include <pliant/model/state.h>
@@ -11,15 +13,21 @@ namespace pliant {
 /// Finds a point (the centre of a disk or sphere, or a vertex of a polygon) that has crossed a wall segment, or has
 /// entered a solid or a disk of the walls, in the first accepted state in which it has, as a check after every step
 /// would: a point and a wall cannot meet before the sum of their displacements reaches their distance. Therefore
-/// WallWatch stores the smallest distance, and checks again when the motion reaches it, which takes tens to hundreds of
-/// steps. A point has crossed a segment if its path since the last check, as the moving wall sees it, meets the
+/// PassageWatch stores the smallest distance, and checks again when the motion reaches it, which takes tens to hundreds
+/// of steps. A point has crossed a segment if its path since the last check, as the moving wall sees it, meets the
 /// segment; so a particle may be on either side of a wall at the start. A point that crosses and returns within a
 /// single step is not found. The watch reads the neighbour lists and never rebuilds them, so it changes no number of a
-/// run. All functions are collective, and do nothing where no wall acts. Errors: NumericalError on all ranks, which
-/// names particle, wall and cures.
+/// run. Disks, spheres and droplets have passed through each other where they overlap by more than passing_overlap; of
+/// polygons CrossingWatch finds this. All functions are collective. Errors: NumericalError on all ranks, which
+/// names particles, wall and cures.
 template <int D>
-class WallWatch {
+class PassageWatch {
  public:
+  /// Whether particles may pass through each other. advice: end of the message if they may not.
+  void allow_overlaps(bool allowed, std::string advice = {}) {
+    overlaps_allowed_ = allowed;
+    advice_ = std::move(advice);
+  }
   /// To be called before the first step, and after particles or walls were placed elsewhere or particles reordered.
   void start(ParticleSystem<D>& system, const State& s);
   /// After every step.
@@ -29,7 +37,13 @@ class WallWatch {
   /// moved: upper bound of the motion of a point relative to a wall since the last check.
   void look(ParticleSystem<D>& system, const State& s, Real moved);
 
-  Real gap_ = 0;                 ///< no point can meet a wall before it has moved by this relative to the wall
+  bool watches_pairs(const ParticleSystem<D>& system) const;
+  /// Half the distance that any two particles may approach. Errors: NumericalError.
+  Real look_at_pairs(ParticleSystem<D>& system, const State& s) const;
+
+  bool overlaps_allowed_ = false;
+  std::string advice_;
+  Real gap_ = 0;                 ///< nothing can pass before a point has moved by this, relative to walls
   Real t_ = 0;                   ///< time of the last check
   std::vector<Real> reference_;  ///< positions of the own points then
 };

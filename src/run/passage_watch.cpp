@@ -1,4 +1,4 @@
-#include <pliant/run/wall_watch.h>
+#include <pliant/run/passage_watch.h>
 
 #include <algorithm>
 #include <limits>
@@ -24,15 +24,40 @@ bool walls_act(const ParticleSystem<D>& system) {
 }  // namespace
 
 template <int D>
-void WallWatch<D>::start(ParticleSystem<D>& system, const State& s) {
-  if (!walls_act(system)) return;
+bool PassageWatch<D>::watches_pairs(const ParticleSystem<D>& system) const {
+  return !overlaps_allowed_ && !system.topology().deformable() && system.neighbours().needs().point_pairs;
+}
+
+template <int D>
+Real PassageWatch<D>::look_at_pairs(ParticleSystem<D>& system, const State& s) const {
+  const StateView<D> view = system.view(s.x().data(), s.v().data(), s.t);
+  const Topology& topology = view.topology;
+  Real least = std::numeric_limits<Real>::infinity();  // contact distance
+  for (Index i = 0; i < topology.owned_points(); ++i) least = std::min(least, topology.diameter[i]);
+  Real gap = passing_overlap * least;  // pairs that are not listed do not touch
+  for (const auto& [i, j] : view.neighbours.point_pairs) {
+    const Real contact = (topology.diameter[i] + topology.diameter[j]) / 2,
+               d = (view.position(i) - view.position(j)).norm(), left = d - (1 - passing_overlap) * contact;
+    if (left < 0)
+      throw NumericalError(
+          "particles {} and {} overlap by {:.3g} of their contact distance: they pass through each other; use {}{}",
+          std::min(topology.id[i], topology.id[j]), std::max(topology.id[i], topology.id[j]), 1 - d / contact,
+          cures({Cure::stiffer_contacts, Cure::shorter_step}), advice_);
+    gap = std::min(gap, left);
+  }
+  return gap / 2;
+}
+
+template <int D>
+void PassageWatch<D>::start(ParticleSystem<D>& system, const State& s) {
+  if (!walls_act(system) && !watches_pairs(system)) return;
   reference_.clear();
   look(system, s, 0);
 }
 
 template <int D>
-void WallWatch<D>::after_step(ParticleSystem<D>& system, const State& s) {
-  if (!walls_act(system)) return;
+void PassageWatch<D>::after_step(ParticleSystem<D>& system, const State& s) {
+  if (!walls_act(system) && !watches_pairs(system)) return;
   const auto points = static_cast<std::size_t>(system.topology().owned_points());
   const Real* const x = s.x().data();
   Real walls = system.walls().moved(t_, s.t, [&](const Vec<D>& from) {
@@ -41,16 +66,16 @@ void WallWatch<D>::after_step(ParticleSystem<D>& system, const State& s) {
     return most;
   });
   if (system.walls().turn_without_end()) walls = system.ranks().max(walls);
-  if (system.motion().since(MotionSince::wall_check) + walls < gap_) return;
+  if (system.motion().since(MotionSince::passage_check) + walls < gap_) return;
   const Real moved = system.ranks().max(farthest<D>(points, x, reference_.data()));
   if (moved + walls < gap_)
-    system.walls_checked(moved);
+    system.passages_checked(moved);
   else
     look(system, s, moved + walls);
 }
 
 template <int D>
-void WallWatch<D>::look(ParticleSystem<D>& system, const State& s, Real moved) {
+void PassageWatch<D>::look(ParticleSystem<D>& system, const State& s, Real moved) {
   const Walls<D>& walls = system.walls();
   const Topology& topology = system.topology();
   const Neighbours<D>& lists = system.neighbours();
@@ -81,6 +106,8 @@ void WallWatch<D>::look(ParticleSystem<D>& system, const State& s, Real moved) {
           t_, s.t, cures_of_passage());
   };
   system.ranks().together([&] {
+    if (watches_pairs(system)) gap_ = std::min(gap_, look_at_pairs(system, s));
+    if (!walls_act(system)) return;
     if (own) {
       std::vector<Index> near;
       for (Index i = 0; i < points; ++i) {
@@ -94,10 +121,10 @@ void WallWatch<D>::look(ParticleSystem<D>& system, const State& s, Real moved) {
   gap_ = system.ranks().min(gap_);
   t_ = s.t;
   reference_.assign(x, x + static_cast<std::size_t>(points) * D);
-  system.walls_checked();
+  system.passages_checked();
 }
 
-template class WallWatch<2>;
-template class WallWatch<3>;
+template class PassageWatch<2>;
+template class PassageWatch<3>;
 
 }  // namespace pliant
