@@ -712,7 +712,8 @@ class Simulation:
 
     @property
     def energies(self) -> dict[str, float]:
-        """Energy of each term of the model, and "kinetic" with inertia. Gravity counts from the origin."""
+        """Energy of each term of the model, and "kinetic" with inertia. Gravity counts from the origin. "disk_contact",
+        "disk_wall_contact", "sphere_contact" and "sphere_wall_contact" are the energies of the tangential springs."""
         return self._core.energies()
 
     @property

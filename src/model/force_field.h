@@ -45,7 +45,8 @@ enum class TermGroup { all, shape, rest };
 /// Energy and forces of one term for one configuration.
 struct TermReport {
   std::string name;
-  bool is_energy;           ///< false: a dissipation, which has no energy
+  bool is_energy;           ///< false: a dissipation
+  bool has_energy;          ///< energies, and dissipations with the energy of springs (contact history)
   Real energy = 0;          ///< sum over all elements
   std::vector<Real> force;  ///< [points · D]
   std::vector<Real> particle_energy =

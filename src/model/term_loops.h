@@ -173,7 +173,7 @@ class TermLoops {
 
   /// numbers: length of an array of forces, with torques.
   [[gnu::noinline]] static TermReport report(const T& term, const View& s, std::size_t numbers) {
-    TermReport r{std::string(term.name()), is_energy, 0, std::vector<Real>(numbers)};
+    TermReport r{std::string(term.name()), is_energy, is_energy || has_history, 0, std::vector<Real>(numbers)};
     for (Index c = 0; c < s.neighbours.chunks(); ++c) {
       if constexpr (is_energy || has_history) r.energy = add_energy(term, s, c, r.energy);
       add_forces(term, s, nullptr, c, r.force.data());

@@ -200,7 +200,7 @@ void RunOutput<D>::write_sample(Simulation<D>& simulation, EnergyAudit<D>& audit
     row.emplace_back("kinetic_energy", energy);
   }
   for (const TermReport& term : simulation.particles().field().report(s))
-    if (term.is_energy) {
+    if (term.has_energy) {
       row.emplace_back(fmt::format("{}_energy", term.name), term.energy);
       energy += term.energy;
     }

@@ -41,7 +41,7 @@ py::dict Simulated<D>::energies() {
   const StateView<D> s = present();
   py::dict d;
   for (const TermReport& term : field_->report(s))
-    if (term.is_energy) d[py::str(term.name)] = term.energy;
+    if (term.has_energy) d[py::str(term.name)] = term.energy;
   if (overdamped()) return d;
   Real kinetic = 0;
   for (Index i = 0; i < s.topology.owned_points(); ++i) kinetic += s.kinetic_energy(i);
