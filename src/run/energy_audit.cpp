@@ -40,7 +40,8 @@ void check_energy(const EnergyBudget& budget) {
   constexpr Real limit = 0.1;
   if (!(budget.certain_error() > limit)) return;
   throw NumericalError(
-      "{}: energy is not conserved; use a shorter step (-dt) or lower tolerances, or accept it with "
+      "{}: energy is not conserved; use shorter steps (-dt, or -ts_adapt_dt_max) or lower tolerances, or accept it "
+      "with "
       "-allow_energy_error",
       budget.text());
 }
