@@ -55,6 +55,8 @@ def targets(mutation):
     path = python_file(mutation)
     if path is None:
         return [f"test_{place_and_name(mutation)[0]}"]
+    if path.parent == SOURCE / "tests/python":
+        return [*PROGRAMS, "pliant_python"]
     return [] if path.parent == SOURCE / "python/tests" else PROGRAMS
 
 
@@ -74,6 +76,8 @@ def passes(mutation):
     environment = {f"PLIANT_{name}": str(BUILD / path) for name, path in (
         ("PROGRAM", "apps/pliant"), ("TEST_DISK", "tests/libpliant_test_disk.so"), ("TEST_MEMORY", "tests/libpliant_test_memory.so"),
         ("TEST_HANDLERS", "tests/libpliant_test_handlers.so"))}
+    if "pliant_python" in targets(mutation):
+        environment["PYTHONPATH"] = str(BUILD / "python")
     try:
         done = subprocess.run(command(mutation), cwd=SOURCE, env=os.environ | environment | {"OMP_NUM_THREADS": "1"}, timeout=LONGEST,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", errors="replace")
