@@ -15,7 +15,8 @@ Real EnergyBudget::scale() const {
 
 Real EnergyBudget::certain_error() const {
   constexpr Real errors = 3;
-  const Real certain = std::abs(error()) - errors * uncertainty;
+  const Real gain = change - work;  // more than an error of the heat explains, as heat is never negative
+  const Real certain = std::max(std::abs(error()) - errors * uncertainty, gain);
   return certain > 0 ? certain / scale() : 0;
 }
 

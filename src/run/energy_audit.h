@@ -33,7 +33,7 @@ struct EnergyBudget {
   /// rounding.
   Real scale() const;
   Real relative_error() const { return scale() > 0 ? std::abs(error()) / scale() : 0; }
-  /// The part of the relative error that sampling the heat cannot explain.
+  /// The part of the relative error that sampling the heat cannot explain; at least the gain of energy beyond the work.
   Real certain_error() const;
 
   nlohmann::ordered_json json() const;

@@ -38,6 +38,14 @@ def test_energy_that_a_method_makes(tmp_path):
     assert allowed.returncode == 0 and "energy is conserved to" in allowed.stderr
 
 
+def test_a_gain_of_energy_in_few_steps(tmp_path):
+    """The heat of drag has too few samples for an error, but it is not negative."""
+    made = pliant("hopper", output=tmp_path / "run", n=40, hopper_wall_distance=8, hopper_width=4, t_end=1.2, zeta=0.01, mu=0, dt=0.006,
+                  allow_unstable_dt="yes")
+    assert made.returncode == 3 and "± ? %: energy is not conserved" in made.stderr, made.stderr
+    assert summary_of(tmp_path / "run")["energy_audit"]["uncertainty"] is None
+
+
 @pytest.mark.parametrize("options, words", [
     ({"ts_adapt_dt_min": 1.2e-2}, "-ts_adapt_dt_min 0.012 is"),
     ({"ts_rtol": 1}, "-ts_rtol 1 does not control errors"),
