@@ -15,7 +15,10 @@ import functools
 import json
 import numbers
 import os
-from collections.abc import Callable, Iterable, Sequence
+import re
+import types
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +26,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from .engine import core
-from .errors import InputError, NumericalError, UsageError
+from .errors import InputError, NumericalError, PliantError, PliantWarning, UsageError
 from .run import contact_table
 from .scenario_calls import arguments, option_lines
 
@@ -49,9 +52,49 @@ def _each(values, name, count):
     """One number for each of `count` particles, from one or as many."""
     try:
         array = np.asarray(values, dtype=np.float64)
-        return np.ascontiguousarray(np.broadcast_to(array, (count,)))
     except (TypeError, ValueError) as error:
         raise InputError(f"{name}: {error}; give a number, or one for each of the {count} particles") from None
+    if array.shape not in ((), (1,), (count,)):
+        raise InputError(f"{name} has the shape {array.shape}; give a number, or one for each of the {count} particles")
+    return np.ascontiguousarray(np.broadcast_to(array, (count,)))
+
+
+def _read_only(array):
+    """An array whose changes would be lost."""
+    array.flags.writeable = False
+    return array
+
+
+class _Fixed:
+    """Base of classes whose attributes are all known: others would be ignored."""
+
+    _cure = ""
+    _free: tuple[str, ...] = ()
+
+    def __setattr__(self, name, value):
+        known = getattr(type(self), name, None)
+        if name.startswith("_") or (known is not None and not callable(known)) or name in self._free:
+            super().__setattr__(name, value)
+            return
+        kind = "a method" if callable(known) else "no attribute that can be set"
+        raise AttributeError(f"{name} is {kind} of {type(self).__name__}; {self._cure.format(name=name)}")
+
+
+_OPTION = re.compile(r"(?<![^\s('])-(?!inf\b|nan\b|help\b)([A-Za-z]\w*)")
+
+
+def _as_keywords(function):
+    """Messages of the engine name options as on the command line; here they are keywords."""
+    @functools.wraps(function)
+    def call(*args, **keywords):
+        try:
+            return function(*args, **keywords)
+        except PliantError as error:
+            text = str(error).replace("-help lists all options", "help(pliant.Simulation) lists them")
+            error.args = (_OPTION.sub(r"\1", text), *error.args[1:])
+            raise
+
+    return call
 
 
 def _vector(values, name):
@@ -114,12 +157,25 @@ def _motion(motion):
             _vector(motion.get("pivot", ()), "pivot"))
 
 
-class Box:
-    """A periodic box: lengths [D], infinite (or None) in open directions; origin [D]."""
+class Box(_Fixed):
+    """A periodic box: lengths [D], infinite (or None) in open directions; origin [D]. A Box is constant; only
+    Simulation.minimize(pressure=…) changes the box of a simulation."""
+
+    _cure = "make another Box(lengths, origin)"
 
     def __init__(self, lengths: Sequence[float | None], origin: Sequence[float] | None = None):
-        self.lengths = [np.inf if value is None else _number(value, "lengths") for value in lengths]
-        self.origin = [0.0] * len(self.lengths) if origin is None else _vector(origin, "origin")
+        self._lengths = tuple(np.inf if value is None else _number(value, "lengths") for value in lengths)
+        self._origin = (0.0,) * len(self._lengths) if origin is None else tuple(_vector(origin, "origin"))
+
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """[D] lengths of the sides, infinite in open directions."""
+        return self._lengths
+
+    @property
+    def origin(self) -> tuple[float, ...]:
+        """[D] the corner with the least coordinates."""
+        return self._origin
 
     @classmethod
     def filled(cls, diameters: ArrayLike, fraction: float | None = None, dim: int = 2) -> Box:
@@ -146,22 +202,27 @@ class Box:
         return np.split(x, len(x) // n_vertices) if n_vertices else x
 
     def __repr__(self):
-        return f"Box({self.lengths}, origin={self.origin})"
+        return f"Box({list(self.lengths)}, origin={list(self.origin)})"
 
 
-class Container:
+class Container(_Fixed):
     """A hopper, with obstacles: its walls, and a dense packing in it.
 
     width: width of the orifice, which is centred at the origin; wall_distance: distance of the vertical walls; angle:
-    angle of the sloped walls to gravity, in degrees. obstacles: ("disk", centre, radius) or ("polygon", corners). In 3D
-    these are meridians (ρ, z).
+    angle of the sloped walls to gravity, in degrees. obstacles: ("disk", centre, radius) or ("polygon", corners), inside the
+    container; they may touch walls, but not overlap them or each other. In 3D these are meridians (ρ, z).
+    Simulation(…, walls=container) has the walls and the obstacles.
     """
 
+    _cure = "make another Container"
+
+    @_as_keywords
     def __init__(self, width: float, wall_distance: float, angle: float = 90.0, obstacles: Iterable[tuple] = ()):
         self._core = core.Container.hopper(_number(wall_distance, "wall_distance"), _number(width, "width"),
                                            _number(angle, "angle"), _obstacles(obstacles))
 
     @classmethod
+    @_as_keywords
     def outline(cls, left: ArrayLike, right: ArrayLike, obstacles: Iterable[tuple] = ()) -> Container:
         """Two polylines [n, 2], each from an end of the orifice, at y = 0, up to where the wall continues vertically."""
         self = cls.__new__(cls)
@@ -211,13 +272,16 @@ def _seed(seed):
     return seed
 
 
-class Walls:
+class Walls(_Fixed):
     """Walls around or between particles. Each method adds one rigid body and returns its number.
 
     A body moves by velocity [D], by an oscillation amplitude [D] · (sin(frequency · t + phase) - sin(phase)), and by a spin
-    about a pivot [D]; Simulation.move_wall changes this. In 3D lines, polygons and disks are meridians (ρ, z) of surfaces of
+    about a pivot [D]; Simulation.move_wall changes this. t counts from the start of the simulation, after move_wall from the
+    call. In 3D lines, polygons and disks are meridians (ρ, z) of surfaces of
     revolution about the z axis.
     """
+
+    _cure = "give motions to the method that adds a wall, or to Simulation.move_wall"
 
     def __init__(self, dim: int = 2):
         self._core = core.Walls(_integer(dim, "dim"))
@@ -274,7 +338,12 @@ def regular_polygons(centres: ArrayLike, diameters: ArrayLike, n_vertices: int, 
 
 
 class Minimum:
-    """Result of Simulation.minimize()."""
+    """Result of Simulation.minimize().
+
+    converged: whether max_force is at most force_tolerance; with a pressure, also whether the box has it. reason: why it
+    ended. iterations, evaluations: of FIRE, and of forces. max_force: largest component of a force on a point. energy: of
+    the model, gravity included. stress: [D, D]; pressure: -trace(stress)/D.
+    """
 
     def __init__(self, values):
         self.converged: bool = values["converged"]
@@ -296,7 +365,7 @@ class Minimum:
                 f"iterations={self.iterations})")
 
 
-class Simulation:
+class Simulation(_Fixed):
     """Particles in motion, with inertia or without.
 
     positions: [N, D] centres of disks (D = 2) or spheres (D = 3), with diameters; or polygons: a list of arrays [n, 2] of
@@ -321,6 +390,12 @@ class Simulation:
     after which the simulation keeps the state of the failure.
     """
 
+    #: A function (positions, velocities, t) → forces [points, D] that acts in addition to the model; None: none does.
+    force: Callable[[np.ndarray, np.ndarray, float], ArrayLike] | None = None
+    _free = ("force",)
+    _cure = "parameters change by sim.set({name}=…), gravity, sizes and masses by another Simulation"
+
+    @_as_keywords
     def __init__(self, positions: ArrayLike | None = None, diameters: ArrayLike | None = None, *,
                  polygons: Iterable[ArrayLike] | None = None, a0: ArrayLike | None = None, l0: ArrayLike | None = None,
                  velocities: ArrayLike | None = None, mass: ArrayLike | None = None, density: float = 1.0,
@@ -335,8 +410,7 @@ class Simulation:
             integrator = "rk" if self._model == "bubble" or options.get("dynamics") == "overdamped" else "verlet"
         self._options: dict[str, Any] = {"model": self._model, **_integrator(integrator), **options}
         self._callbacks: list[tuple[Callable[[Simulation], Any], float | None]] = []
-        #: A function (positions, velocities, t) → forces [points, D] that acts in addition to the model; None: none does.
-        self.force: Callable[[np.ndarray, np.ndarray, float], ArrayLike] | None = None
+        self.force = None
         if polygons is None:
             try:
                 self._dim = int(np.asarray(positions).shape[1])
@@ -399,8 +473,16 @@ class Simulation:
     def __enter__(self):
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, kind, error, _):
+        if error is not None and not (isinstance(error, SystemExit) and not error.code):
+            self._interrupted(error)
         self.close()
+
+    def _interrupted(self, error):
+        """summary.json names the exception."""
+        if not self.closed:
+            text = " ".join(str(error).split())
+            self._core.interrupt(f"{type(error).__name__}: {text}" if text else type(error).__name__)
 
     def _particles(self, positions, diameters, polygons, a0, l0, velocities, mass, density):
         if polygons is None:
@@ -432,11 +514,14 @@ class Simulation:
         if v.shape != x.shape:
             raise InputError(f"velocities has the shape {v.shape}; give one for each point, {x.shape}")
         if mass is None:
-            mass = _number(density, "density") * ((width / 2)**3 if self._model == "bubble" else np.asarray(a0))
+            if not 0 < _number(density, "density") < np.inf:
+                raise InputError(f"density is {density}, but must be positive and finite")
+            mass = density * ((width / 2)**3 if self._model == "bubble" else np.asarray(a0))
         return core.ParticleArrays(count, x, v, _each(mass, "mass", len(count)), width, a0, l0)
 
     # --- Motion
 
+    @_as_keywords
     def run(self, t: float | None = None, callback: Callable[[Simulation], Any] | None = None, every: float | None = None,
             until: float | None = None) -> None:
         """Runs for the time t, or until a time; with verlet, for the nearest number of steps.
@@ -451,6 +536,7 @@ class Simulation:
             raise InputError(f"run(until={until:g}): the simulation is at t = {self.t:g} already; give a later time")
         self._run(_number(t, "t") if until is None else until - self.t, -1, callback, every)
 
+    @_as_keywords
     def step(self, n: int = 1, callback: Callable[[Simulation], Any] | None = None) -> None:
         """Takes n steps."""
         self._run(None, _integer(n, "n"), callback, None)
@@ -468,7 +554,12 @@ class Simulation:
                 _number(interval, "every")
         if self.force is not None and not callable(self.force):
             raise InputError(f"force: {self.force!r} cannot be called")
-        self._core.run(t, n, [(functools.partial(function, self), interval) for function, interval in calls], self.force)
+        try:
+            self._core.run(t, n, [(functools.partial(function, self), interval) for function, interval in calls], self.force)
+        except BaseException as error:
+            self._interrupted(error)
+            raise
+        self._core.interrupt("")
 
     def every(self, interval: float | None = None) -> Callable[[Callable], Callable]:
         """Decorator: the function is called in all runs from now on, once per interval, or after every step."""
@@ -488,16 +579,20 @@ class Simulation:
         """For callbacks: the run ends after this step."""
         self._core.stop()
 
+    @_as_keywords
     def minimize(self, force_tolerance: float = 1e-8, max_iterations: int = 100000, pressure: float | None = None,
                  must_converge: bool = True) -> Minimum:
         """Moves the particles to a minimum of the energy (FIRE), at rest: until no component of a force is larger than
-        force_tolerance. Without drag and friction, which have no energy.
+        force_tolerance. Without drag and friction, which have no energy. Refuses a force function, which has none either.
 
         pressure: the box, which must be periodic in all directions and without walls, grows or shrinks without change of shape
         until its pressure has this value; `box` is then the new one. Errors: InputError; NumericalError where the box grows
         without end, outlines cross or a particle ends within a wall. Both leave the simulation as it was. Also
         NumericalError if max_iterations do not suffice, unless must_converge is False: then the result has
         `converged` = False. In both cases the simulation has the positions and the box of the last iteration."""
+        if self.force is not None:
+            raise InputError("minimize() with a force function, which has no energy; set force = None, or "
+                             "run() with drag (zeta) until the particles rest")
         minimum = Minimum(self._core.minimize(_number(force_tolerance, "force_tolerance"),
                                               _integer(max_iterations, "max_iterations"), _optional(pressure, "pressure")))
         if must_converge and not minimum.converged:
@@ -507,6 +602,7 @@ class Simulation:
 
     # --- Changes
 
+    @_as_keywords
     def set(self, **changes: Any) -> None:
         """Changes parameters of the model, or dt: sim.set(e_sp=200). A step that was chosen automatically follows."""
         if "model" in changes or "integrator" in changes:
@@ -516,9 +612,9 @@ class Simulation:
         self._options = options
 
     @property
-    def options(self) -> dict[str, Any]:
-        """The options as they were given."""
-        return dict(self._options)
+    def options(self) -> Mapping[str, Any]:
+        """The options as they were given, also by set(); read-only."""
+        return types.MappingProxyType(dict(self._options))
 
     def add(self, positions: ArrayLike | None = None, diameters: ArrayLike | None = None, *,
             polygons: Iterable[ArrayLike] | None = None, a0: ArrayLike | None = None, l0: ArrayLike | None = None,
@@ -667,32 +763,32 @@ class Simulation:
     @property
     def ids(self) -> np.ndarray:
         """[N] numbers of the particles, which stay theirs when others are removed."""
-        return self._core.topology()["ids"]
+        return _read_only(self._core.topology()["ids"])
 
     @property
     def offsets(self) -> np.ndarray:
         """[N + 1] points of particle k are offsets[k] … offsets[k + 1] - 1."""
-        return self._core.topology()["offset"]
+        return _read_only(self._core.topology()["offset"])
 
     @property
     def diameters(self) -> np.ndarray:
-        """[N] contact diameters of the points."""
-        return self._core.topology()["diameter"]
+        """[N] contact diameters of the points; a copy, read-only."""
+        return _read_only(self._core.topology()["diameter"])
 
     @property
     def masses(self) -> np.ndarray:
-        """[N]"""
-        return self._core.topology()["mass"]
+        """[N] masses of the particles; a copy, read-only."""
+        return _read_only(self._core.topology()["mass"])
 
     @property
     def centres(self) -> np.ndarray:
-        """[N, D] means of the points."""
-        return self._mean(self.positions)
+        """[N, D] means of the points; a copy, read-only: write to positions."""
+        return _read_only(self._mean(self.positions))
 
     @property
     def centre_velocities(self) -> np.ndarray:
-        """[N, D] means of the points."""
-        return self._mean(self.velocities)
+        """[N, D] means of the points; a copy, read-only: write to velocities."""
+        return _read_only(self._mean(self.velocities))
 
     def _mean(self, values):
         offsets = self.offsets
@@ -705,8 +801,8 @@ class Simulation:
 
     @property
     def images(self) -> np.ndarray:
-        """[N, D] by how many lengths of the periodic box each particle was wrapped into it."""
-        return self._core.images()
+        """[N, D] by how many lengths of the periodic box each particle was wrapped into it; a copy, read-only."""
+        return _read_only(self._core.images())
 
     # --- Forces and energies of the present state
 
@@ -734,8 +830,9 @@ class Simulation:
 
     @property
     def forces(self) -> np.ndarray:
-        """[points, D] total forces of the model; without inertia the forces that drag and friction balance."""
-        return self._core.forces()["total"]
+        """[points, D] total forces of the model; without inertia the forces that drag and friction balance. A copy,
+        read-only: sim.force adds forces."""
+        return _read_only(self._core.forces()["total"])
 
     @property
     def term_forces(self) -> dict[str, np.ndarray]:
@@ -781,17 +878,17 @@ class Simulation:
     @property
     def wall_forces(self) -> np.ndarray:
         """[walls, D] forces of the particles on each segment and half-space of the walls."""
-        return self._core.wall_forces()
+        return _read_only(self._core.wall_forces())
 
     @property
     def wall_segments(self) -> np.ndarray:
         """[S, 4] x1 y1 x2 y2 of the segments of the walls now; disks have their centre twice, and wall_radius."""
-        return np.array(self._core.walls()["segments"], dtype=float).reshape(-1, 4)
+        return _read_only(np.array(self._core.walls()["segments"], dtype=float).reshape(-1, 4))
 
     @property
     def wall_radius(self) -> np.ndarray:
         """[S] radius of disks; 0 for segments."""
-        return np.array(self._core.walls()["radius"], dtype=float)
+        return _read_only(np.array(self._core.walls()["radius"], dtype=float))
 
     def hessian(self, petsc: bool = False) -> Any:
         """Second derivatives of the potential energy, scipy.sparse.csr_matrix [points · D, points · D]; petsc: a Mat of petsc4py
@@ -826,8 +923,13 @@ def block_average(series: ArrayLike) -> dict[str, float]:
 
 
 def flow_rate(time: ArrayLike, crossed: ArrayLike) -> tuple[float, float]:
-    """Flow rate and its standard error from a cumulative quantity at times, as the program finds Q."""
+    """Flow rate and its standard error from a cumulative quantity at times, as the program finds Q in the steady state.
+
+    All samples count: leave out the start-up. A PliantWarning says so where the rate changes significantly, or where fewer
+    than 51 samples cannot show whether it does."""
     rate = core.flow_rate(_array(time, "time"), _array(crossed, "crossed"))
+    if rate["change"]:
+        warnings.warn(f"flow_rate(): not known to be the rate of a steady state: {rate['change']}", PliantWarning, stacklevel=2)
     return rate["value"], rate["error"]
 
 

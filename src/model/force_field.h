@@ -143,8 +143,9 @@ class ForceField {
   /// about the pivot of its motion, which is the origin for walls without one. `which`: walls at rest may be left out.
   virtual void add_wall_forces(const StateView<D>& s, Real* f, Real* torques = nullptr,
                                WallGroup which = WallGroup::all) const = 0;
-  /// Limits of stability of velocity Verlet, of the points that are stiffest for their mass.
-  virtual CriticalStep critical_step(const Topology& topology) const = 0;
+  /// Limits of stability of velocity Verlet, of the points that are stiffest for their mass. walls: whether there are
+  /// any; without them, forces of walls limit no step.
+  virtual CriticalStep critical_step(const Topology& topology, bool walls = true) const = 0;
 
   /// Whether a term has torques, so that particles have angles and spins.
   virtual bool rotates() const = 0;

@@ -242,10 +242,11 @@ void TermSum<D>::add_wall_forces(const StateView<D>& s, Real* f, Real* on_pivots
 }
 
 template <int D>
-CriticalStep TermSum<D>::critical_step(const Topology& topology) const {
+CriticalStep TermSum<D>::critical_step(const Topology& topology, bool walls) const {
   CriticalStep step;
   std::array<MotionRates, element_kinds> of_kind;
   for (const auto& term : terms_) {
+    if (!walls && (term->kind.elements == Elements::walls || term->kind.elements == Elements::lips)) continue;
     const TermRates rates = term->rates(topology);
     if (rates.elastic) step.elastic = std::min(step.elastic, 2 / *rates.elastic);
     if (rates.damping) step.damping = std::min(step.damping, 1 / *rates.damping);

@@ -42,7 +42,7 @@ class TermSum : public ForceField<D> {
   void damping(const StateView<D>& s, BlockSink<D>& h) const final;
   void for_each_contact(const StateView<D>& s, const std::function<void(const Contact<D>&)>& visit) const final;
   void add_wall_forces(const StateView<D>& s, Real* f, Real* on_pivots, WallGroup which) const final;
-  CriticalStep critical_step(const Topology& topology) const final;
+  CriticalStep critical_step(const Topology& topology, bool walls = true) const final;
   std::vector<HistoryNeeds> history_needs() const final;
   void accept(const StateView<D>& s, Real h, ContactHistory& history, HistoryWorkspace& workspace,
               bool found) const final;

@@ -19,7 +19,8 @@ class ChangeableField final : public ForceField<D> {
   /// Writes a force on each own point [own points · D].
   using Function = std::function<void(const StateView<D>& s, Real* f)>;
 
-  explicit ChangeableField(std::unique_ptr<ForceField<D>> field) : field_(std::move(field)) {}
+  /// walls: whether the simulation has any.
+  ChangeableField(std::unique_ptr<ForceField<D>> field, bool walls) : field_(std::move(field)), walls_(walls) {}
 
   /// Whether another model may replace the present one without other lists or another history.
   bool fits(const ForceField<D>& other) const {
@@ -96,7 +97,9 @@ class ChangeableField final : public ForceField<D> {
                        WallGroup which = WallGroup::all) const override {
     field_->add_wall_forces(s, f, torques, which);
   }
-  CriticalStep critical_step(const Topology& topology) const override { return field_->critical_step(topology); }
+  CriticalStep critical_step(const Topology& topology, bool walls = true) const override {
+    return field_->critical_step(topology, walls && walls_);
+  }
   bool rotates() const override { return field_->rotates(); }
   std::vector<HistoryNeeds> history_needs() const override { return field_->history_needs(); }
   void accept(const StateView<D>& s, Real h, ContactHistory& history, HistoryWorkspace& workspace,
@@ -117,6 +120,7 @@ class ChangeableField final : public ForceField<D> {
   }
 
   std::unique_ptr<ForceField<D>> field_;
+  bool walls_;
   Function function_;
   mutable std::vector<Real> force_;
   mutable std::optional<Real> first_power_;

@@ -56,15 +56,9 @@ void append_particles(ParticleTable& to, const ParticleArrays& arrays) {
   check_shape(arrays.velocities, points, D, "velocities");
   check_finite(numbers_of(arrays.positions), D, "positions");
   check_finite(numbers_of(arrays.velocities), D, "velocities");
-  for (const auto& [array, name] : {std::pair(&arrays.diameter, "diameter"), std::pair(&arrays.mass, "mass")}) {
+  for (const auto& [array, name] : {std::pair(&arrays.a0, "a0"), std::pair(&arrays.l0, "l0"),
+                                    std::pair(&arrays.diameter, "diameter"), std::pair(&arrays.mass, "mass")})
     check_shape(*array, n, 0, name);
-    check_positive(*array, name);
-  }
-  if (polygons)
-    for (const auto& [array, name] : {std::pair(&arrays.a0, "a0"), std::pair(&arrays.l0, "l0")}) {
-      check_shape(*array, n, 0, name);
-      check_positive(*array, name);
-    }
   Topology& topology = to.topology;
   topology.dim = D;
   const auto first = static_cast<std::size_t>(topology.points());
@@ -85,6 +79,10 @@ void append_particles(ParticleTable& to, const ParticleArrays& arrays) {
       if (topology.points_of(m) == 1) continue;
       if (const auto fault = outline_fault(topology, m, to.x.data())) throw InputError("particle {}: {}", m, *fault);
     }
+  // By default sizes follow from outlines, diameters from l0, and masses from a0 and diameters.
+  if (polygons) check_positive(arrays.a0, "a0"), check_positive(arrays.l0, "l0");
+  check_positive(arrays.diameter, "diameter");
+  check_positive(arrays.mass, "mass");
 }
 
 template <int D>

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include <pliant/geometry/container.h>
+#include <pliant/io/crc32.h>
 #include <pliant/io/summary.h>
 #include <pliant/run/folder.h>
 #include <pliant/run/frame_data.h>
@@ -13,6 +14,18 @@
 
 namespace pliant::python {
 namespace {
+
+/// Checksum of the numbers in a frame, without its time.
+std::uint32_t crc32_of(const Frame& frame, int dim) {
+  std::uint32_t crc = 0;
+  for (const std::span<const Real> values :
+       {frame.positions, frame.velocities, frame.angles, frame.spins, frame.wall_force, frame.wall_segments, frame.box})
+    crc = pliant::crc32_of(std::as_bytes(values), crc);
+  for (const FrameContacts* contacts : {&frame.contacts, &frame.wall_contacts})
+    for (std::uint64_t k = 0; k < contacts->count; ++k)
+      crc = pliant::crc32_of(std::as_bytes(std::span(contacts->force[k], static_cast<std::size_t>(dim))), crc);
+  return crc;
+}
 
 std::optional<Schedule> schedule(std::optional<Real> interval) {
   return interval ? std::optional<Schedule>(*interval) : std::nullopt;
@@ -178,11 +191,14 @@ template <int D>
 void RunOutput<D>::write_frame(Simulation<D>& simulation) {
   simulation.find_velocities();
   const State& state = simulation.state();
+  const bool again = last_frame_ == state.t;
   last_frame_ = state.t;
   if (framing_) framing_->done(state.t);
   FrameData<D> data(simulation.particles(), state);
   const std::vector<Real> walls = region_.drawn(simulation.particles().walls(), state.t);
   if (walls != first_walls_) data.frame.wall_segments = walls;
+  const auto before = std::exchange(frame_crc_, crc32_of(data.frame, D));
+  if (again && before == frame_crc_) return;
   writer_->write_frame(data.frame);
 }
 
@@ -206,6 +222,9 @@ void RunOutput<D>::write_sample(Simulation<D>& simulation, EnergyAudit<D>& audit
     }
   row.emplace_back("energy", energy);
   add_budget(row, audit, simulation);
+  std::vector<Real> numbers;
+  for (const SeriesValue& value : row) numbers.insert(numbers.end(), value.values.begin(), value.values.end());
+  if (numbers == std::exchange(sample_row_, numbers)) return;
   writer_->add_sample(row);
 }
 
@@ -220,9 +239,9 @@ void RunOutput<D>::finish(const Options& options, std::int64_t force_evaluations
     if (last_sample_ != state.t) write_sample(simulation, audit);
     if (last_frame_ != state.t) write_frame(simulation);
   }
-  nlohmann::ordered_json s =
-      summary_head(python_scenario, model_, failure.empty() ? "done" : "failed", "close", options);
-  if (!failure.empty()) s["message"] = failure;
+  const std::string status = !failure.empty() ? "failed" : !interruption_.empty() ? "stopped" : "done";
+  nlohmann::ordered_json s = summary_head(python_scenario, model_, status, "close", options);
+  if (status != "done") s["message"] = failure.empty() ? interruption_ : failure;
   s["particles"] = simulation.topology().owned();
   s["t"] = state.t;
   s["integrator"] = simulation.integrator().name();

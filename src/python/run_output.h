@@ -61,6 +61,7 @@ class RunOutput {
 
   /// After an accepted step: writes a frame and a sample if they are due.
   void follow(Simulation<D>& simulation, EnergyAudit<D>& audit);
+  /// Without a second frame, or sample, of the same time with the same numbers.
   void write_frame(Simulation<D>& simulation);
   /// audit: without changes that it does not know.
   void write_sample(Simulation<D>& simulation, EnergyAudit<D>& audit);
@@ -76,6 +77,9 @@ class RunOutput {
   /// The last frame and sample, and summary.json. failure: the message of a run that failed, or empty.
   void finish(const Options& options, std::int64_t force_evaluations, const std::string& failure,
               Simulation<D>& simulation, EnergyAudit<D>& audit);
+
+  /// An exception of Python has ended the run so far, or the block that it is in; empty: no longer.
+  void interrupt(std::string by) { interruption_ = std::move(by); }
 
   /// Whether this process has created the folder: a fork of it leaves the files alone.
   bool owned() const;
@@ -94,6 +98,9 @@ class RunOutput {
   Region<D> region_;  ///< at the start
   std::vector<Real> first_walls_;
   Real last_frame_ = -1, last_sample_ = -1;  ///< times
+  std::optional<std::uint32_t> frame_crc_;   ///< checksum of the last frame
+  std::vector<Real> sample_row_;             ///< the last sample
+  std::string interruption_;
   std::int64_t restored_samples_ = 0, restored_frames_ = 0;
 };
 

@@ -60,8 +60,8 @@ std::unique_ptr<Mobility<D>> Settings::mobility() const {
 }
 
 template <int D>
-Real Settings::relaxation_rate(const Topology& particles, const CriticalStep& critical) const {
-  constexpr int walls_at_once = 2;  // on both sides of a droplet
+Real Settings::relaxation_rate(const Topology& particles, const CriticalStep& critical, bool walls) const {
+  const int walls_at_once = walls ? 2 : 0;  // on both sides of a droplet
   if (droplets()) return fastest_relaxation(model, b, particles.diameter, walls_at_once, wall_friction);
   const auto drag = model.term(Drag<D>{});
   Real most = 0;
@@ -72,8 +72,8 @@ Real Settings::relaxation_rate(const Topology& particles, const CriticalStep& cr
 
 template std::unique_ptr<Mobility<2>> Settings::mobility<2>() const;
 template std::unique_ptr<Mobility<3>> Settings::mobility<3>() const;
-template Real Settings::relaxation_rate<2>(const Topology&, const CriticalStep&) const;
-template Real Settings::relaxation_rate<3>(const Topology&, const CriticalStep&) const;
+template Real Settings::relaxation_rate<2>(const Topology&, const CriticalStep&, bool) const;
+template Real Settings::relaxation_rate<3>(const Topology&, const CriticalStep&, bool) const;
 
 void Settings::bind() {
   model.bind(options, UnitSystem::gravitational());

@@ -33,9 +33,9 @@ class Settings {
   /// Without inertia. Errors: InputError.
   template <int D>
   std::unique_ptr<Mobility<D>> mobility() const;
-  /// Fastest rate at which contacts relax without inertia.
+  /// Fastest rate at which contacts relax without inertia. walls: whether there are any.
   template <int D>
-  Real relaxation_rate(const Topology& particles, const CriticalStep& critical) const;
+  Real relaxation_rate(const Topology& particles, const CriticalStep& critical, bool walls) const;
 
   const std::vector<std::string>& arguments() const { return arguments_; }
   nlohmann::ordered_json table() const { return options.table(); }

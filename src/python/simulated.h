@@ -92,6 +92,9 @@ class Simulated final : public AnySimulation {
     return output_ ? std::optional(output_->folder().string()) : std::nullopt;
   }
 
+  void interrupt(const std::string& by) override {
+    if (output_) output_->interrupt(by);
+  }
   void close() override;
   bool closed() const override { return simulation_ == nullptr; }
 
@@ -176,6 +179,10 @@ class Simulated final : public AnySimulation {
 
   // --- Integration
 
+  bool has_walls() const { return simulation_->particles().walls().size() > 0; }
+  CriticalStep critical_of(const ForceField<D>& field) const {
+    return field.critical_step(simulation().topology(), has_walls());
+  }
   bool overdamped() const { return simulation_->overdamped() != nullptr; }
   FastestRates rates_of(const Settings& settings, const CriticalStep& critical) const;
   Real standard_step(const Settings& settings, const CriticalStep& critical) const;

@@ -4,6 +4,7 @@
 #include <tuple>
 #include <utility>
 
+#include <pliant/model/crossing.h>
 #include <pliant/python/simulated.h>
 #include <pliant/run/overlap_check.h>
 #include <pliant/scenarios/droplets/protocol.h>
@@ -53,7 +54,7 @@ std::pair<std::unique_ptr<Simulation<D>>, ChangeableField<D>*> Simulated<D>::mak
     throw InputError("model {} is for {}, but the particles are {}", settings_->model.name,
                      settings_->model.deformable() ? "polygons" : "disks and spheres",
                      all.deformable() ? "polygons" : "disks or spheres");
-  auto field = std::make_unique<ChangeableField<D>>(make_field(*settings_));
+  auto field = std::make_unique<ChangeableField<D>>(make_field(*settings_), walls.size() > 0);
   ChangeableField<D>* const changeable = field.get();
   Real width = 0;
   for (const Real sigma : all.sigma) width += sigma / n;
@@ -150,6 +151,13 @@ void Simulated<D>::check_start() {
       throw InputError("particle {} is on a wall, where the force has no direction; move it", id(i));
     if (d < 0) throw InputError("particle {} is inside wall {}; move it", id(i), s.walls.wall_of_part(part));
   }
+  if constexpr (D == 2)
+    if (deformable())
+      if (const auto crossing = find_crossing(s))
+        throw InputError("vertex {} of particle {} is inside particle {}; move one of them",
+                         crossing->vertex - s.topology.offset[crossing->particle],
+                         ids_[static_cast<std::size_t>(s.topology.id[crossing->particle])],
+                         ids_[static_cast<std::size_t>(s.topology.id[crossing->other])]);
   start_watches();
 }
 
@@ -223,7 +231,8 @@ void Simulated<D>::rebuild(const std::function<void(ParticleTable&)>& change, co
 
 template <int D>
 FastestRates Simulated<D>::rates_of(const Settings& settings, const CriticalStep& critical) const {
-  if (settings.overdamped()) return {.decay = settings.relaxation_rate<D>(simulation_->topology(), critical)};
+  if (settings.overdamped())
+    return {.decay = settings.relaxation_rate<D>(simulation_->topology(), critical, has_walls())};
   FastestRates rates;
   for (const Rates& r : {critical.crowded.translation, critical.crowded.rotation}) {
     rates.oscillation = std::max(rates.oscillation, std::sqrt(r.stiffness));
@@ -252,7 +261,7 @@ Real Simulated<D>::check_step(const Settings& settings, const CriticalStep& crit
 
 template <int D>
 void Simulated<D>::set_integrator(std::optional<Real> next) {
-  const CriticalStep critical = field_->critical_step(simulation_->topology());
+  const CriticalStep critical = critical_of(*field_);
   const Real dt = next ? *next : check_step(*settings_, critical);
   critical_ = critical.limit();
   if (settings_->method == Method::verlet) {

@@ -16,7 +16,7 @@ void Simulated<D>::configure(const std::vector<std::string>& arguments) {
     throw InputError("the model of a simulation is {} and cannot become {}; make another simulation",
                      settings_->model.name, settings->model.name);
   auto field = make_field(*settings);
-  const CriticalStep critical = field->critical_step(simulation().topology());
+  const CriticalStep critical = critical_of(*field);
   check_step(*settings, critical);
   // The mobility has coefficients, too.
   if (!overdamped() && field_->fits(*field)) {

@@ -98,7 +98,7 @@ py::dict Simulated<D>::minimize(Real force_tolerance, std::int64_t most_iteratio
   State& state = simulation_->state();
   const CureOptions cures([this](Cure cure) { return settings_->options.curing(cure); });
   audit_->disturb();
-  if (!std::isfinite(field_->critical_step(system.topology()).elastic))
+  if (!std::isfinite(critical_of(*field_).elastic))
     throw InputError("this model has no energies of contact or shape to minimise");
   PendingError error;
   RunControl control(0, 0);

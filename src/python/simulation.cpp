@@ -137,6 +137,7 @@ void bind_simulation(py::module_& m) {
       .def("write_frame", &AnySimulation::write_frame)
       .def("write_sample", &AnySimulation::write_sample)
       .def_property_readonly("output", &AnySimulation::output)
+      .def("interrupt", &AnySimulation::interrupt)
       .def("close", &AnySimulation::close);
   const py::object loads = py::module_::import("json").attr("loads");
   py::class_<OutputIntervals>(m, "OutputIntervals").def(py::init(&intervals_of));

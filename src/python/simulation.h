@@ -91,6 +91,8 @@ class AnySimulation {
   /// The folder, or nothing.
   virtual std::optional<std::string> output() const = 0;
 
+  /// summary.json is to name the exception that has ended the run so far; empty: none has.
+  virtual void interrupt(const std::string& by) = 0;
   /// Ends the output, too.
   virtual void close() = 0;
   virtual bool closed() const = 0;

@@ -29,13 +29,29 @@ py::dict dict_of(const BlockAverage& average) {
   return d;
 }
 
+/// Why the mean rate is not that of a steady state; empty where nothing speaks against one.
+std::string change_of_rate(std::span<const Real> time, std::span<const Real> crossed) {
+  constexpr std::size_t fewest = 51;  // the test needs 50 rates
+  if (time.size() < 2) return "fewer than two samples";
+  if (time.size() < fewest)
+    return fmt::format("{} samples are too few to test it, which takes {}", time.size(), fewest);
+  const std::vector<Real> rate = rate_series(time, crossed);
+  const NamedSeries series{.name = "flow rate", .values = rate};
+  const std::string change = drift(series);
+  if (change.empty()) return change;
+  const SteadyState steady = steady_state(time.subspan(1), {&series, 1});
+  return steady.steady ? fmt::format("{}; it is steady from t = {:g} on", change, steady.time) : change;
+}
+
 }  // namespace
 
 void bind_statistics(py::module_& m) {
   m.def("block_average", [](const Array& values) { return dict_of(block_average(series_of(values, "series"))); });
   m.def("flow_rate", [](const Array& time, const Array& crossed) {
-    const FlowRate rate = flow_rate(series_of(time, "time"), series_of(crossed, "crossed"));
+    const std::span<const Real> times = series_of(time, "time"), counts = series_of(crossed, "crossed");
+    const FlowRate rate = flow_rate(times, counts);
     py::dict d;
+    d["change"] = change_of_rate(times, counts);
     d["value"] = rate.value;
     d["error"] = rate.error;
     d["correlation_time"] = rate.correlation_time;

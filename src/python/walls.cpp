@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include <pliant/python/wall_record.h>
+#include <pliant/scenarios/hopper/shapes.h>
 #include <pliant/setup/packing.h>
 #include <pliant/setup/particles.h>
 #include <pliant/setup/polylines.h>
@@ -47,6 +48,14 @@ Real positive(Real value, std::string_view name) {
   return value;
 }
 
+Obstacle polygon_of(const Array& corners, std::string_view name) {
+  try {
+    return {make_polygon(corners_of(corners, name))};
+  } catch (const InputError& error) {
+    throw InputError("{}: {}", name, error.what());
+  }
+}
+
 Obstacle obstacle_of(const py::handle& entry) {
   const auto tuple = py::cast<py::tuple>(entry);
   const auto kind = !tuple.empty() ? py::cast<std::string>(tuple[0]) : std::string();
@@ -54,7 +63,7 @@ Obstacle obstacle_of(const py::handle& entry) {
     return {{vector_of<2>(py::cast<std::vector<Real>>(tuple[1]), "the centre of an obstacle")},
             positive(py::cast<Real>(tuple[2]), "the radius of an obstacle")};
   if (kind == "polygon" && tuple.size() == 2)
-    return {make_polygon(corners_of(py::cast<Array>(tuple[1]), "the corners of an obstacle"))};
+    return polygon_of(py::cast<Array>(tuple[1]), "the corners of an obstacle");
   throw InputError("an obstacle is (\"disk\", centre, radius) or (\"polygon\", corners)");
 }
 
@@ -64,14 +73,22 @@ std::vector<Obstacle> obstacles_of(const py::iterable& entries) {
   return obstacles;
 }
 
+/// The container with obstacles that hoppers of the program may have, too.
+template <class Shape>
+Container container_of(const Shape& shape, const py::iterable& entries) {
+  std::vector<Obstacle> obstacles = obstacles_of(entries);
+  check_obstacles(Container(shape), obstacles, 2);
+  return {shape, std::move(obstacles)};
+}
+
 Container hopper_container(Real wall_distance, Real orifice, Real angle, const py::iterable& obstacles) {
   const Hopper hopper{positive(wall_distance, "wall_distance"), positive(orifice, "width"), angle};
   hopper.check();
-  return {hopper, obstacles_of(obstacles)};
+  return container_of(hopper, obstacles);
 }
 
 Container outline_container(const Array& left, const Array& right, const py::iterable& obstacles) {
-  return {Vessel(corners_of(left, "left"), corners_of(right, "right")), obstacles_of(obstacles)};
+  return container_of(Vessel(corners_of(left, "left"), corners_of(right, "right")), obstacles);
 }
 
 /// Positions [points, D] in a Container, or a Box<D>.
@@ -191,7 +208,7 @@ Index AnyWalls::polyline(const Array& points, const MotionArguments& motion) {
 
 Index AnyWalls::polygon(const Array& corners, const MotionArguments& motion) {
   WallParts parts;
-  Obstacle{make_polygon(corners_of(corners, "corners"))}.add_to(parts);
+  polygon_of(corners, "the corners of a polygon").add_to(parts);
   return add(parts, motion);
 }
 
