@@ -587,7 +587,7 @@ def test_a_box_at_a_pressure(tmp_path):
     box = pliant.Box.filled(sizes, 0.8)
     with Simulation(box.pack(sizes), sizes, box=box, e_sp=1, output=tmp_path / "run") as sim:
         stable = sim.dt
-        for pressure in (1e-2, 1e-4):
+        for pressure in (1e-2, 1e-6):
             minimum = sim.minimize(1e-12, 10**6, pressure)
             assert minimum.converged and minimum.pressure == pytest.approx(pressure, rel=1e-5), minimum.reason
             assert pliant.analysis.pressure(pliant.analysis.mean_stress(sim)) == pytest.approx(pressure, rel=1e-5)
