@@ -166,7 +166,7 @@ def test_a_fall_through_a_periodic_box_balances(tmp_path):
 
 def test_two_particles_that_collide_once():
     """The collision is shorter than the time between two looks at the heat of many particles."""
-    sim = pliant.Simulation([[0, 0], [1.3, 0.2]], 1, velocities=[[1, 0], [-1, 0]], mu=3.0, e_sp=1000)
+    sim = pliant.Simulation([[0, 0], [1.3, 0.2]], 1, velocities=[[1, 0], [-1, 0]], mu=3.0, e_sp=1000, dt=1e-3)
     start = total(sim)
     sim.run(2)
     assert start - total(sim) > 0.05 * start

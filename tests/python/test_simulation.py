@@ -471,7 +471,7 @@ def test_history_of_contacts_survives_a_removal():
 
 
 def test_ctrl_c_ends_a_run_with_its_state():
-    sim = Simulation(cloud(), diameters=1, gravity=(0, -1))
+    sim = Simulation(cloud(), diameters=1, gravity=(0, -1e-6))
     before = signal.signal(signal.SIGALRM, signal.default_int_handler)
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.2)
@@ -949,7 +949,7 @@ def test_particles_beyond_walls_may_be_there():
 
 
 def test_a_second_thread():
-    sim, other = Simulation(cloud(), 1, gravity=(0, -1)), Simulation(**ONE, dt=0.01, e_w=10)
+    sim, other = Simulation(cloud(), 1, gravity=(0, -1e-6)), Simulation(**ONE, dt=0.01, e_w=10)
     started, errors = threading.Event(), []
 
     def work():
@@ -1042,7 +1042,7 @@ def test_particles_that_pass_through_each_other_end_the_run(dim, integrator):
         return Simulation(x, 1, velocities=v, e_sp=1, integrator=integrator, dt=1e-3, **options)
     sim = collide()
     with pytest.raises(pliant.NumericalError, match=r"particles 0 and 1 overlap by 0\.9[5-9]\d* of their contact distance.*"
-                                                    r"-e_sp.*-allow_passing_overlap"):
+                                                    r"e_sp.*allow_passing_overlap"):
         sim.run(1)
     assert 0 < sim.positions[1, 0] - sim.positions[0, 0] < 0.05
     free = collide(allow_passing_overlap=True)
@@ -1051,7 +1051,7 @@ def test_particles_that_pass_through_each_other_end_the_run(dim, integrator):
 
 
 def test_particles_that_pass_each_other_across_a_periodic_border_end_the_run():
-    sim = Simulation([[0.2, 1], [3.5, 1]], 1, velocities=[[-10, 0], [0, 0]], e_sp=1, box=(4, 4))
+    sim = Simulation([[0.2, 1], [3.5, 1]], 1, velocities=[[-10, 0], [0, 0]], e_sp=1, dt=1e-3, box=(4, 4))
     with pytest.raises(pliant.NumericalError, match="particles 0 and 1 overlap by 0.9"):
         sim.run(1)
 
@@ -1075,7 +1075,7 @@ def test_a_minimum_with_particles_inside_each_other_is_refused():
     walls.half_space((0.51, 0), (-1, 0))
     sim = Simulation([[0.005, 0.5], [-0.005, 1.4]], 1, walls=walls, gravity=(0, -1), e_sp=0.05)
     before = sim.positions.copy()
-    with pytest.raises(pliant.NumericalError, match="particles 0 and 1 overlap by 0.9.*-e_sp"):
+    with pytest.raises(pliant.NumericalError, match="particles 0 and 1 overlap by 0.9.*e_sp"):
         sim.minimize(force_tolerance=1e-6)
     np.testing.assert_array_equal(sim.positions, before)
 
