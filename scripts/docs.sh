@@ -21,7 +21,7 @@ text="<!-- Made by scripts/docs.sh from the program; edit the options in the sou
 # Options
 
 Every option has a type, a default, a unit and a range. \`$name SCENARIO -help\` prints the same list, \`-help GROUP\` one group; \`-help\` (or \`-h\`) and
-\`-version\` print and stop. [models](../models/README.md) has the units.
+\`-version\` print and stop. [models](../models/README.md) has the units. The defaults of \`-dt\` use the [elastic limit dt_elastic, the damping limit dt_damping, and dt_critical](steps.md).
 
 Options come from files (\`-options_file FILE\`, may be repeated), which are read in their order, and then from the command line (\`-name value\`). The last setting
 of an option counts.

@@ -66,7 +66,7 @@ void RunOptions::bind_output(Options& o, bool intervals) {
           .max = 1000000,
           .on_restart = OnRestart::forget});
   o.bind("ensemble_over", ensemble_over,
-         {.help = "OPTION=VALUE,VALUE,...: as many runs as -ensemble says for each value",
+         {.help = "OPTION=VALUE,VALUE,...: for each value as many runs as with -ensemble alone",
           .only_with = "-ensemble",
           .on_restart = OnRestart::forget});
   o.bind("ensemble_workers", ensemble_workers,

@@ -234,7 +234,7 @@ void ShearOptions::bind(Options& o) {
       "strain_step", strain_step,
       {.help = "quasistatic: shear strain of each step", .min = 0, .max = 0.1, .min_open = true, .on_restart = fixed});
   o.bind("cycles", cycles,
-         {.help = "quasistatic: cycles from strain 0 to +strain, -strain and 0; none: one direction",
+         {.help = "quasistatic: cycles of strain 0, +strain, -strain, 0; 0 cycles: one direction",
           .min = 0,
           .max = 1e6,
           .extends = {"cycles", "MORE"}});
