@@ -15,8 +15,8 @@ nlohmann::ordered_json quantity(Real value, Real error, std::string_view unit);
 /// Writes folder/summary.json atomically. Errors: OutputError.
 void write_summary(const std::filesystem::path& folder, const nlohmann::ordered_json& summary);
 
-/// Removes the summary, if there is one, of a run that goes on: its results are older than the data that follow.
-/// Errors: OutputError.
+/// Removes the summary of a run, if there is one, before the run continues: the results in the summary do not include
+/// the data that the run will write. Errors: OutputError.
 void drop_summary(const std::filesystem::path& folder);
 
 }  // namespace pliant

@@ -29,7 +29,8 @@ py::dict dict_of(const BlockAverage& average) {
   return d;
 }
 
-/// Why the mean rate is not that of a steady state; empty where nothing speaks against one.
+/// The reason why the flow may not be steady; its mean rate is then not a steady rate. Empty if the test finds no
+/// reason.
 std::string change_of_rate(std::span<const Real> time, std::span<const Real> crossed) {
   constexpr std::size_t fewest = 51;  // the test needs 50 rates
   if (time.size() < 2) return "fewer than two samples";

@@ -102,7 +102,7 @@ def test_changes_from_outside_are_work(model, options, tmp_path):
 
 
 def test_kicks_in_step_with_the_look_at_the_heat(tmp_path):
-    """The power of the drag jumps at each kick; the audit looks at it every 64 steps, just before."""
+    """The power of the drag jumps at each kick; every 64 steps the audit computes this power, just before a kick."""
     with pliant.Simulation([[0, 0]], 1, zeta=20.0, dt=1e-3, output=tmp_path / "run", sample_interval=0.1) as sim:
         def kick(sim):
             if sim.steps % 64 == 0:
@@ -165,7 +165,7 @@ def test_a_fall_through_a_periodic_box_balances(tmp_path):
 
 
 def test_two_particles_that_collide_once():
-    """The collision is shorter than the time between two looks at the heat of many particles."""
+    """The collision is shorter than 64 steps, the interval at which the audit computes the heat of many particles."""
     sim = pliant.Simulation([[0, 0], [1.3, 0.2]], 1, velocities=[[1, 0], [-1, 0]], mu=3.0, e_sp=1000, dt=1e-3)
     start = total(sim)
     sim.run(2)
