@@ -131,7 +131,7 @@ def judge(folder, truth):
 
 
 def _read_in_child(folder, name, data, todo, truth):
-    """A line per change from a child process, until it is done or dead; the verdicts, and how it has ended."""
+    """The verdict on each change from a child process, as they come, until it is done or dead."""
     receive, send = os.pipe()
     child = os.fork()
     if child == 0:
@@ -142,24 +142,31 @@ def _read_in_child(folder, name, data, todo, truth):
                 print(json.dumps(judge(folder, truth)), file=out, flush=True)
         os._exit(0)
     os.close(send)
+    judged = 0
     with open(receive, encoding="utf-8") as lines:
-        verdicts = [json.loads(line) for line in lines]
-    return verdicts, os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        for judged, line in enumerate(lines, 1):
+            yield json.loads(line)
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if judged < len(todo):
+        yield f"killed by signal {-code}"
 
 
-def check_reader(run, name, chosen):
-    """[(byte, how, verdict)] of a file of a run."""
+def check_reader(run, name, chosen, progress=False):
+    """[(byte, how, verdict)] of a file of a run. progress: a line after each twentieth of the changes, and the findings
+    at once."""
     with tempfile.TemporaryDirectory(prefix="pliant-flips-") as scratch:
         folder = Path(scratch) / "run"
         shutil.copytree(run, folder)
         truth, data = everything(folder), (run / name).read_bytes()
-        left, found = list(chosen), []
-        while left:
-            verdicts, code = _read_in_child(folder, name, data, left, truth)
-            if len(verdicts) < len(left):
-                verdicts.append(f"killed by signal {-code}")
-            found += [(at, how, verdict) for (at, how), verdict in zip(left, verdicts)]
-            left = left[len(verdicts):]
+        found = []
+        while len(found) < len(chosen):
+            left = chosen[len(found):]
+            for verdict, (at, how) in zip(_read_in_child(folder, name, data, left, truth), left):
+                found.append((at, how, verdict))
+                if progress and verdict not in GOOD:
+                    print(f"  {name}, byte {at}, {how}: {verdict}", flush=True)
+                if progress and len(found) % max(1, len(chosen) // 20) == 0:
+                    print(f"  {name}: {len(found)} of {len(chosen)} changes", flush=True)
     return found
 
 
@@ -242,7 +249,7 @@ def check(part, program, run, stride, whole, seconds):
     found = []
     for name in names:
         chosen = flips((run / name).stat().st_size, stride, whole)
-        judged = check_reader(run, name, chosen) if part == "reader" else \
+        judged = check_reader(run, name, chosen, progress=True) if part == "reader" else \
             check_program(program, run, name, random.Random(1).sample(chosen, len(chosen)), time.monotonic() + seconds)
         found += [(name, *one) for one in judged]
     return found

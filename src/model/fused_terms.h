@@ -37,6 +37,10 @@ struct PointKernel {
     if (!drag.enabled(s)) return;
     const Topology& topology = s.topology;
     const Range own = s.neighbours.particles(chunk);
+    if (!s.flow.flows() && drag.law == DragLaw::per_particle && topology.points() == topology.particles()) {
+      for (Index k = D * own.first; k < D * own.last; ++k) f[k] -= drag.zeta * s.v[k];
+      return;
+    }
     const auto add = [&](auto&& shares, auto&& slip) {
       for (Index m = own.first; m < own.last; ++m) {
         const Real zeta = drag.zeta / shares(m);
@@ -60,14 +64,24 @@ struct PairKernel {
   static void add_forces(const StateView<D>& s, Index chunk, Real* f, const PairContact<D, Law>& contact,
                          const PairFriction<D>& friction) {
     static_assert(Law::kind != ContactLaw::barrier, "add_pair_forces has no barrier");
-    const PairLaw law{contact.kernel_law(), friction.kernel_law()};
+    add(s, chunk, f, {contact.kernel_law(), friction.kernel_law()});
+  }
+  template <int D, class Law>
+  static void add_dissipation(const StateView<D>& s, Index chunk, Real* f, const PairContact<D, Law>&,
+                              const PairFriction<D>& friction) {
+    if (friction.enabled(s)) add(s, chunk, f, {PairContactLaw{.epsilon = 0}, friction.kernel_law()});
+  }
+
+ private:
+  template <int D>
+  static void add(const StateView<D>& s, Index chunk, Real* f, const PairLaw& law) {
     const PairList& list = s.neighbours.point_pairs;
-    const auto add = [&](Range range, Sides sides) {
+    const auto add_range = [&](Range range, Sides sides) {
       add_pair_forces<D>(law, std::span(list.pairs).subspan(range.first, range.size()), list.reach.data() + range.first,
                          sides, s.x, s.v, f);
     };
-    add(list.inside(chunk), Sides::both);
-    add(list.across(chunk), Sides::first);
+    add_range(list.inside(chunk), Sides::both);
+    add_range(list.across(chunk), Sides::first);
   }
 };
 
@@ -102,8 +116,17 @@ struct EdgeKernel {
   template <class Law>
   static void add_forces(const StateView<2>& s, Index chunk, Real* f, const EdgeContact<Law>& contact,
                          const EdgeFriction& friction) {
-    if (!contact.enabled(s)) return;
-    const EdgeLaw law{contact.kernel_law(), friction.kernel_law()};
+    if (contact.enabled(s)) add(s, chunk, f, {contact.kernel_law(), friction.kernel_law()});
+  }
+  template <class Law>
+  static void add_dissipation(const StateView<2>& s, Index chunk, Real* f, const EdgeContact<Law>& contact,
+                              const EdgeFriction& friction) {
+    if (contact.enabled(s) && friction.enabled(s))
+      add(s, chunk, f, {EdgeContactLaw{.epsilon = 0}, friction.kernel_law()});
+  }
+
+ private:
+  static void add(const StateView<2>& s, Index chunk, Real* f, const EdgeLaw& law) {
     const PairList& list = s.neighbours.near_edges();
     const Index* next = s.topology.next.data();
     const auto pairs = [&](Range range) { return std::span(list.pairs).subspan(range.first, range.size()); };

@@ -14,7 +14,8 @@ namespace pliant {
 
 /// Terms whose forces one vectorised kernel computes in one pass:
 /// Kernel::add_forces(s, chunk, f, terms…) adds their forces on the points of a chunk, or add_forces(s, workspace, …)
-/// if Kernel::writes_history; where Kernel::fast() is false the plain loops are used. Energies, reports and all other
+/// if Kernel::writes_history; where Kernel::fast() is false the plain loops are used. Kernel::add_dissipation, where
+/// there is one, adds the forces of those terms that are dissipations. Energies, reports and all other
 /// results use the terms' element functions, with which tests compare the kernel.
 template <class Kernel, class... Terms>
 struct Fused {
@@ -108,6 +109,26 @@ class Model final : public TermSum<D> {
     this->zero(s, chunk, f);
     visit([&](const auto& part) { set_forces(part, s, chunk, f); });
     visit([&](const auto& part) { add_part(part, s, nullptr, chunk, f); });
+  }
+
+  void set_dissipation(const StateView<D>& s, Index chunk, Real* f) const override {
+    this->zero(s, chunk, f);
+    for_each_part([&](const auto& part) { add_dissipation(part, s, chunk, f); });
+  }
+
+  template <class T>
+  static void add_dissipation(const T& term, const StateView<D>& s, Index chunk, Real* f) {
+    if constexpr (DissipationTerm<T, D>) add_part(term, s, nullptr, chunk, f);
+  }
+  template <class Kernel, class... Terms>
+  static void add_dissipation(const Fused<Kernel, Terms...>& part, const StateView<D>& s, Index chunk, Real* f) {
+    std::apply(
+        [&](const auto&... term) {
+          if constexpr (requires { Kernel::add_dissipation(s, chunk, f, term...); })
+            if (Kernel::fast()) return Kernel::add_dissipation(s, chunk, f, term...);
+          (add_dissipation(term, s, chunk, f), ...);
+        },
+        part.terms);
   }
 
   template <class T>

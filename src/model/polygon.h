@@ -47,9 +47,11 @@ inline Real shortest_edge(const Real* x, const Topology& topology, Index m) {
 /// Mean of the points of particle m: its centre of mass, as they have equal masses. Works for velocities too.
 template <int D>
 Vec<D> mean_of_points(const Real* x, const Topology& topology, Index m) {
-  Vec<D> sum = Vec<D>::Zero();
-  for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i) sum += point<D>(x, i);
-  return sum / topology.points_of(m);
+  const Index first = topology.offset[m], points = topology.points_of(m);
+  Vec<D> sum = point<D>(x, first);
+  if (points == 1) return sum;
+  for (Index i = first + 1; i < first + points; ++i) sum += point<D>(x, i);
+  return sum / points;
 }
 
 /// Whether p lies inside polygon m (even–odd rule).

@@ -198,10 +198,7 @@ Real TermSum<D>::power(const StateView<D>& s) const {
 
 template <int D>
 void TermSum<D>::dissipative_forces(const StateView<D>& s, Real* f) const {
-  for_each_chunk(s, [&](Index chunk) {
-    zero(s, chunk, f);
-    for_each(&TermKind::dissipation, s, [&](const TermFunctions<D>& term) { term.add_forces(s, nullptr, chunk, f); });
-  });
+  for_each_chunk(s, [&](Index chunk) { set_dissipation(s, chunk, f); });
 }
 
 template <int D>

@@ -58,6 +58,8 @@ class TermSum : public ForceField<D> {
   virtual void set_total(const StateView<D>& s, HistoryWorkspace* workspace, Index chunk, Real* f) const = 0;
   /// The forces of a part of the terms, likewise.
   virtual void set_group(const StateView<D>& s, TermGroup group, Index chunk, Real* f) const = 0;
+  /// The forces of the dissipation terms, likewise.
+  virtual void set_dissipation(const StateView<D>& s, Index chunk, Real* f) const = 0;
 
   /// The accelerations of a chunk; returns whether they are finite.
   bool set_accelerations(const StateView<D>& s, HistoryWorkspace* workspace, Index chunk, Real* a) const;

@@ -44,6 +44,8 @@ void check_sums(ModelKind kind, Configuration<D> c, const std::vector<std::strin
   field->force_of("depletion", s, one.data());
   CHECK(one.norm() == 0);
   // Dissipations.
+  field->dissipative_forces(s, one.data());
+  CHECK((one - (forces - energy_forces)).norm() < 1e-13 * forces.norm());
   CHECK(field->power(s) == Approx(-(forces - energy_forces).dot(Eigen::Map<const VectorXd>(c.v.data(), n))));
 }
 

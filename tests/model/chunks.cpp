@@ -324,6 +324,7 @@ void check_sums(Random& random, const Configuration<D>& c, ModelKind kind, const
   CHECK(model.contacts == loops.contacts);
 
   VectorXd accelerations(p.size()), expected = loops.forces, one(p.size()), sum = VectorXd::Zero(p.size());
+  VectorXd dissipation = sum;
   field->accelerations(s, accelerations.data());
   for (Index i = 0; i < c.topology.points(); ++i) expected.segment<D>(i * D) *= c.topology.inverse_mass(i);
   CHECK(near(accelerations, expected));
@@ -335,9 +336,13 @@ void check_sums(Random& random, const Configuration<D>& c, ModelKind kind, const
     field->force_of(r.name, s, one.data());
     CHECK(one == force);
     sum += force;
+    if (!r.is_energy) dissipation += force;
     reported += r.energy;
   }
   CHECK(near(sum, loops.forces));
+  CHECK(dissipation.norm() > 0);
+  field->dissipative_forces(s, one.data());
+  CHECK(near(one, dissipation));
   CHECK(reported == Approx(loops.energy).epsilon(1e-12));
 }
 

@@ -52,9 +52,11 @@ typename OrificeCounter<D>::Event OrificeCounter<D>::follow(const State& state, 
   if (system.neighbours().rebuilds() != watched_since_) {
     watched_since_ = system.neighbours().rebuilds();
     watched_.clear();
-    for (Index m = 0; m < own.owned(); ++m)
-      if (own.active[m] && mean_of_points<D>(state.x().data(), own, m)[D - 1] < system.neighbours().skin())
-        watched_.push_back(m);
+    const Real skin = system.neighbours().skin();
+    for (Index m = 0; m < own.owned(); ++m) {
+      const Real height = mean_of_points<D>(state.x().data(), own, m)[D - 1];
+      if (own.active[m] && (std::abs(height) < skin || height < skin - depth_)) watched_.push_back(m);
+    }
   }
   const Passage<D> passage{state.x().data(), own, container, system.walls()};
   Event event;

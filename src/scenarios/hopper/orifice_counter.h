@@ -48,7 +48,7 @@ class OrificeCounter {
     std::optional<OrificeCrossing<D>> astray;  ///< has crossed the line outside the orifice
   };
   /// After a step. Between two list rebuilds no particle moves more than skin/2, so only particles that were close
-  /// enough to the line at the last rebuild are followed.
+  /// enough to the line or to the removal depth at the last rebuild are followed.
   Event follow(const State& state, const ParticleSystem<D>& system, const Container& container, int rank);
 
   /// Own particle m has been reinserted.
