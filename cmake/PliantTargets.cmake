@@ -11,6 +11,8 @@ target_compile_options(pliant_warnings INTERFACE -Wall -Wextra -Wshadow -Wnon-vi
 if(CMAKE_UNITY_BUILD AND CMAKE_CXX_COMPILER_ID STREQUAL GNU)
   # The warning concerns names that are local to a source other than the main one.
   target_compile_options(pliant_warnings INTERFACE -Wno-subobject-linkage)
+  # The compiler frees memory only beyond 512 MB, instead of 128 MB, which saves a tenth of the time for joined sources.
+  add_compile_options("SHELL:--param ggc-min-heapsize=524288")
 endif()
 
 # Code that runs once per output and not in steps: optimising it less takes a third off its time to compile.
