@@ -133,15 +133,17 @@ def touching_pairs(pairs):
     return np.unique(np.sort(pairs, axis=1), axis=0)
 
 
-def contact_table(first, second, wall, position, normal, overlap, force):
-    """DataFrame with the columns of Frame.contacts, one row per contact [C]; position, normal, force [C, D]."""
+def contact_table(first, second, wall, position, normal, overlap, force, friction):
+    """DataFrame with the columns of Frame.contacts, one row per contact [C]; position, normal, force, friction [C, D]."""
     axes = "xyz"[: position.shape[1]]
     columns = {"particle_1": first, "particle_2": second, "wall": wall}
     for prefix, values in (("", position), ("n", normal)):
         columns.update({prefix + axis: values[:, i] for i, axis in enumerate(axes)})
     columns["overlap"] = overlap
     columns.update({"f" + axis: force[:, i] for i, axis in enumerate(axes)})
-    return pd.DataFrame(columns | {"force": np.linalg.norm(force, axis=1)})
+    columns["force"] = np.linalg.norm(force, axis=1)
+    columns.update({"friction_" + axis: friction[:, i] for i, axis in enumerate(axes)})
+    return pd.DataFrame(columns)
 
 
 def lattice(period, tilt=None):
@@ -417,14 +419,22 @@ class Frame:
 
     @_read_once
     def contacts(self):
-        """DataFrame, one row per contact: particle_1, particle_2, wall, x y [z], nx ny [nz], overlap, fx fy [fz], force.
+        """DataFrame, one row per contact: particle_1, particle_2, wall, x y [z], nx ny [nz], overlap, fx fy [fz], force,
+        friction_x friction_y [friction_z].
 
-        Force and normal are those on particle_1; `force` is the magnitude, in rho g sigma_avg^D. Contacts between
+        Force and normal are those on particle_1; `force` is the magnitude, in rho g sigma_avg^D. (fx, fy) is the whole
+        force, (friction_x, friction_y) its part by friction and damping; the rest is elastic. In frames of versions that
+        did not store this part it is NaN, and forces between particles are elastic (`elastic_contacts`). Contacts between
         particles come first, with -1 for the wall; then those with walls, if the frame has them, with -1 for particle_2
         and the row of `geometry.segments` as wall.
         """
         pairs = self._contact_table("contacts")
         return pd.concat([pairs, self.wall_contacts], ignore_index=True) if "wall_contacts" in self._group else pairs
+
+    @property
+    def elastic_contacts(self):
+        """Whether an older version wrote the contacts between particles, with elastic forces only."""
+        return "contacts" in self._group and "friction" not in self._group["contacts"]
 
     @_read_once
     def wall_contacts(self):
@@ -442,6 +452,10 @@ class Frame:
         else:
             first, wall = self._read("wall_contacts/particle"), self._read("wall_contacts/wall")
             second = np.full(len(first), -1, dtype=np.int32)
+        if "friction" in self._group[group]:
+            vectors["friction"] = self._read(f"{group}/friction").reshape(-1, self._run.dim)
+        else:
+            vectors["friction"] = np.full_like(vectors["force"], np.nan)
         return contact_table(first, second, wall, overlap=self._read(f"{group}/overlap"), **vectors)
 
 

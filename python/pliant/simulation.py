@@ -850,7 +850,7 @@ class Simulation(_Fixed):
             none = np.full(len(first), -1, dtype=np.int32)
             second, wall = (other, none) if kind == "particles" else (none, other)
             tables.append(contact_table(first, second, wall, columns["position"], columns["normal"],
-                                        columns["overlap"][:, 0], columns["force"]))
+                                        columns["overlap"][:, 0], columns["force"], columns["friction"]))
         return pd.concat(tables, ignore_index=True)
 
     def particles(self) -> Particles:

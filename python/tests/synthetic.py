@@ -138,14 +138,16 @@ def write_run(path, model="sp", dim=2, n=150, W=14.0, w=4.0, angle=90.0, mu=1.0,
         at_wall[0, 0], inward[0, 0] = W / 2, -1
         right = len(file["geometry/segments"]) - 1
         contacts = {"particles": pairs, "position": position, "normal": normal,
-                    "overlap": np.full(len(pairs), 0.01), "force": force}
+                    "overlap": np.full(len(pairs), 0.01), "force": force, "friction": 0.1 * force}
         walls = {"particle": np.array([n - 1], np.int32), "wall": np.array([right], np.int32),
-                 "position": at_wall, "normal": inward, "overlap": np.array([0.01]), "force": 0.5 * inward}
+                 "position": at_wall, "normal": inward, "overlap": np.array([0.01]), "force": 0.5 * inward,
+                 "friction": 0.2 * inward}
         for name, data in contacts.items():
             group[f"contacts/{name}"] = data
         for name, data in walls.items():
             group[f"wall_contacts/{name}"] = data
-        contacts = {name: np.r_[contacts[name], walls[name]] for name in ("position", "normal", "overlap", "force")} | {
+        contacts = {name: np.r_[contacts[name], walls[name]] for name in ("position", "normal", "overlap", "force",
+                                                                             "friction")} | {
             "particles": np.r_[pairs, [[n - 1, -1]]], "wall": np.r_[np.full(len(pairs), -1), right]}
         for name, value in (("centres", centres), ("positions", positions), ("contacts", contacts),
                             ("frame_time", 0.5 * index)):

@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+import warnings
 import zlib
 from pathlib import Path
 
@@ -16,7 +17,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import VERTICES, write_run
 
-from pliant import Run, RunError, load_runs, load_table, plotting, sweep, sweep_jobs, sweep_rows, sweep_table
+from pliant import PliantWarning, Run, RunError, analysis, load_runs, load_table, plotting, sweep, sweep_jobs, sweep_rows, sweep_table
 from pliant.run import FRAME_FIELDS
 from pliant.symbols import model_name
 
@@ -48,6 +49,8 @@ def test_round_trip(model, request):
             assert_array_equal(frame.wall_contacts, frame.contacts.query("wall >= 0"))
             assert_array_equal(frame.contacts[["nx", "ny"]], truth["contacts"][i]["normal"][:, :2])
             assert_allclose(frame.contacts["force"], np.linalg.norm(truth["contacts"][i]["force"], axis=1))
+            assert_array_equal(frame.contacts[["friction_x", "friction_y"]], truth["contacts"][i]["friction"][:, :2])
+            assert not frame.elastic_contacts
         for name, values in truth["series"].items():
             if values.ndim == 1:
                 assert_array_equal(run.series[name], values)
@@ -144,6 +147,23 @@ def test_displacements_leave_out_what_jumped(tmp_path):
         options["flow"] = {"value": "discharge", "unit": "", "source": "command line"}
         file["manifest"].attrs["options"] = json.dumps(options)
     assert not Run(path).frames[1].reinsertions.any()  # a discharge has no reinsertions
+
+
+@pytest.mark.parametrize("mu", (1.0, 0.0))
+def test_older_frames_have_elastic_forces_only(mu, tmp_path):
+    write_run(tmp_path, mu=mu, n=20)
+    with h5py.File(tmp_path / "run.h5", "a") as file:
+        for group in ("contacts", "wall_contacts"):
+            del file[f"frames/000001/{group}/friction"]
+    new, older = Run(tmp_path).frames[:2]
+    assert not new.elastic_contacts and older.elastic_contacts
+    assert older.contacts["force"].notna().all() and older.contacts[["friction_x", "friction_y"]].isna().all(axis=None)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        analysis.particle_stress(new if mu > 0 else older)
+    if mu > 0:
+        with pytest.warns(PliantWarning, match="at time 0.5; forces between particles are elastic, without friction"):
+            analysis.particle_stress(older)
 
 
 @pytest.mark.parametrize("field", FRAME_FIELDS)

@@ -140,6 +140,8 @@ FrameLayout::FrameLayout(const Frame& frame, int dimensions, const Ranks& ranks,
     arrays.push_back(stored(group + "/normal", rows, dim, contacts.normal));
     arrays.push_back(stored(group + "/overlap", rows, 1, contacts.overlap));
     arrays.push_back(stored(group + "/force", rows, dim, contacts.force));
+    if (ranks.any(contacts.friction.data != nullptr))
+      arrays.push_back(stored(group + "/friction", rows, dim, contacts.friction));
   };
   add_contacts("contacts", frame.contacts, [&](const Rows& rows) {
     arrays.push_back(stored("contacts/particles", rows, 2, frame.contacts.particles));

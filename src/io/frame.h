@@ -36,6 +36,7 @@ struct FrameContacts {
   Strided<Real> position, normal;  ///< [C, D], the normal towards the first particle
   Strided<Real> overlap;           ///< [C]
   Strided<Real> force;             ///< [C, D], on the first particle
+  Strided<Real> friction = {};     ///< [C, D], the part of the force by friction and damping; without data: 0
 };
 
 /// Groups of datasets that a frame can leave out, by the name of the dataset or group. Positions, centres, `active`,

@@ -462,9 +462,11 @@ void RunWriter::write_views(Group& frame, const std::string& path, hdf5::Type st
     show("contacts/particles", "xdmf/contact_particle", hdf5::Type::int32, 1,
          [](Rows rows) { return hdf5::Shape{rows}; });
   for (const char* list : {"contact", "wall_contact"}) {
-    const std::string overlap = fmt::format("{}s/overlap", list);
-    if (const Rows count = frame.has(overlap) ? frame.shape(overlap)[0] : 0; count > 0)
-      write_xdmf_constants(frame, fmt::format("xdmf/{}_constants", list), count, frame.has("spins"));
+    const std::string overlap = fmt::format("{}s/overlap", list), friction = fmt::format("{}s/friction", list);
+    if (!frame.has(overlap)) continue;
+    const Rows count = frame.shape(overlap)[0];
+    if (!frame.has(friction)) frame.write_constant(friction, Real(0), {count, dim});
+    if (count > 0) write_xdmf_constants(frame, fmt::format("xdmf/{}_constants", list), count, frame.has("spins"));
   }
 }
 

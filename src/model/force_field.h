@@ -138,7 +138,12 @@ class ForceField {
   virtual void hessian(const StateView<D>& s, BlockSink<D>& h, PreStress pre_stress = PreStress::kept) const = 0;
   /// ∂F/∂v of all dissipations.
   virtual void damping(const StateView<D>& s, BlockSink<D>& h) const = 0;
+  /// The contacts that terms show (ContactTerm), with their elastic forces.
   virtual void for_each_contact(const StateView<D>& s, const std::function<void(const Contact<D>&)>& visit) const = 0;
+  /// The forces between particles, element by element, except zeros: elastic forces, friction and damping. Contact
+  /// history is only read.
+  virtual void for_each_pair_force(const StateView<D>& s,
+                                   const std::function<void(const PairForce<D>&)>& visit) const = 0;
   /// Force on each wall by the points, added to f [walls · D]; with torques [walls · rotations], also the torque on it
   /// about the pivot of its motion, which is the origin for walls without one. `which`: walls at rest may be left out.
   virtual void add_wall_forces(const StateView<D>& s, Real* f, Real* torques = nullptr,

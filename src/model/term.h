@@ -122,6 +122,21 @@ struct Contact {
   Real overlap;         ///< 1 − d/δ_mn, dimensionless
   Real reach;           ///< δ_mn: the overlap in σ_avg is overlap · reach
   Vec<D> force;         ///< elastic, on the first
+
+  // Set by the loop over the elements of the term.
+  Elements elements;  ///< kind of the term's elements
+  Index element;      ///< in the list of this kind
+  Index point;        ///< point of the first particle (ElementKind::points_of_both)
+};
+
+/// The force between two particles by one element of a term.
+template <int D>
+struct PairForce {
+  Elements elements;
+  Index element;  ///< in the list of this kind
+  bool elastic;   ///< the term is an energy; else friction or damping
+  Pair points;    ///< a point of each particle (ElementKind::points_of_both)
+  Vec<D> force;   ///< on all points of the first particle together
 };
 
 /// Upper bounds of how fast forces change the motion.

@@ -69,6 +69,8 @@ class TermFunctions {
   virtual void derivatives(const StateView<D>& s, Index chunk, BlockSink<D>& df_dx, BlockSink<D>& df_dv) const = 0;
   virtual void add_blocks(const StateView<D>& s, BlockSink<D>& h, PreStress pre_stress) const = 0;
   virtual void for_each_contact(const StateView<D>& s, const std::function<void(const Contact<D>&)>& visit) const = 0;
+  virtual void for_each_pair_force(const StateView<D>& s,
+                                   const std::function<void(const PairForce<D>&)>& visit) const = 0;
   virtual void add_wall_forces(const StateView<D>& s, Real* f, Real* on_pivots, WallGroup which) const = 0;
   /// The next history becomes current after a step of length h, and the losses of the step are added.
   virtual void accept(const StateView<D>& s, Real h, ContactHistory& history, HistoryWorkspace& workspace) const = 0;
@@ -173,6 +175,10 @@ class TermFunctionsOf final : public TermFunctions<D> {
   }
   void for_each_contact(const StateView<D>& s, const std::function<void(const Contact<D>&)>& visit) const override {
     Loops::for_each_contact(term_, s, visit);
+  }
+  void for_each_pair_force(const StateView<D>& s,
+                           const std::function<void(const PairForce<D>&)>& visit) const override {
+    Loops::for_each_pair_force(term_, s, visit);
   }
   void add_wall_forces(const StateView<D>& s, Real* f, Real* on_pivots, WallGroup which) const override {
     Loops::add_wall_forces(term_, s, f, on_pivots, which);

@@ -27,6 +27,18 @@ struct VirialSum {
   void add(Index i, const Vec<D>& gradient) { sum += gradient * point<D>(x, i).transpose(); }
 };
 
+/// Receives forces on points, or gradients: their sum over the points of one particle.
+template <int D>
+struct SumOnParticle {
+  const Topology& topology;
+  Index particle;
+  Vec<D> sum = Vec<D>::Zero();
+  void add(Index i, const Vec<D>& force) {
+    if (topology.particle[i] == particle) sum += force;
+  }
+  void add_torque(Index, const Rotation<D>&) {}
+};
+
 /// Whether a term has second derivatives.
 template <class T, int D>
 inline constexpr bool has_derivatives = !has_torque<T> && !HistoryTerm<T, D>;
@@ -137,7 +149,7 @@ class TermLoops {
         for (Index e = range.first; e < range.last; ++e) {
           VirialSum<D> gradients{s.x};
           term.add_gradient(s, e, gradients);
-          const Pair points = KindOf<T>::points_of_both((s.neighbours.*KindOf<T>::list)[e]);
+          const Pair points = points_of_both(s, e);
           for (const Index i : {points.first, points.second})
             if (const Index m = s.topology.particle[i]; own.contains(m)) sums[m] += gradients.sum / 2;
         }
@@ -232,9 +244,28 @@ class TermLoops {
     if constexpr (ContactTerm<T, D>) {
       Contact<D> contact;
       for_each_element(s, [&](Index e) {
-        if (term.contact(s, e, contact)) visit(contact);
+        if (!term.contact(s, e, contact)) return;
+        contact.elements = T::elements;
+        contact.element = e;
+        contact.point = points_of_both(s, e).first;
+        visit(contact);
       });
     }
+  }
+
+  /// Nothing for a term whose elements do not join two particles.
+  [[gnu::noinline]] static void for_each_pair_force(const T& term, const View& s,
+                                                    const std::function<void(const PairForce<D>&)>& visit) {
+    if constexpr (KindOf<T>::paired)
+      with_forces(term, s, [&](auto&& add_force) {
+        for_each_element(s, [&](Index e) {
+          const Pair points = points_of_both(s, e);
+          SumOnParticle<D> on{s.topology, s.topology.particle[points.first]};
+          add_force(e, on);
+          if (on.sum != Vec<D>::Zero())
+            visit({T::elements, e, is_energy, points, is_energy ? Vec<D>(-on.sum) : on.sum});
+        });
+      });
   }
 
   /// See ForceField::add_wall_forces. Nothing for a term without walls.
@@ -265,6 +296,11 @@ class TermLoops {
   }
 
  private:
+  /// A point of each of the two particles of an element.
+  static Pair points_of_both(const View& s, Index e) {
+    return KindOf<T>::points_of_both((s.neighbours.*KindOf<T>::list)[e]);
+  }
+
   /// visit(energy), where energy(e) is the energy of an element.
   template <class Visit>
   static void with_energies(const T& term, const View& s, Visit&& visit) {
@@ -276,6 +312,25 @@ class TermLoops {
       });
     } else {
       visit([&](Index e) { return term.energy(s, e); });
+    }
+  }
+
+  /// visit(add), where add(e, sink) adds the forces of an element, or the gradients of an energy, to a sink.
+  template <class Visit>
+  static void with_forces(const T& term, const View& s, Visit&& visit) {
+    if constexpr (has_history) {
+      const CurrentHistory current(s, term);
+      visit([&](Index e, auto& sink) {
+        typename T::Touch c;
+        if (term.find(s, e, current(e), c)) term.add_force(s, c, sink);
+      });
+    } else {
+      visit([&](Index e, auto& sink) {
+        if constexpr (is_energy)
+          term.add_gradient(s, e, sink);
+        else
+          term.add_force(s, e, sink);
+      });
     }
   }
 

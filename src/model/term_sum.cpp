@@ -234,6 +234,12 @@ void TermSum<D>::for_each_contact(const StateView<D>& s, const std::function<voi
 }
 
 template <int D>
+void TermSum<D>::for_each_pair_force(const StateView<D>& s,
+                                     const std::function<void(const PairForce<D>&)>& visit) const {
+  for_each_enabled(s, [&](const TermFunctions<D>& term) { term.for_each_pair_force(s, visit); });
+}
+
+template <int D>
 void TermSum<D>::add_wall_forces(const StateView<D>& s, Real* f, Real* on_pivots, WallGroup which) const {
   for_each_enabled(s, [&](const TermFunctions<D>& term) { term.add_wall_forces(s, f, on_pivots, which); });
 }

@@ -41,6 +41,7 @@ class TermSum : public ForceField<D> {
   void hessian(const StateView<D>& s, BlockSink<D>& h, PreStress pre_stress = PreStress::kept) const final;
   void damping(const StateView<D>& s, BlockSink<D>& h) const final;
   void for_each_contact(const StateView<D>& s, const std::function<void(const Contact<D>&)>& visit) const final;
+  void for_each_pair_force(const StateView<D>& s, const std::function<void(const PairForce<D>&)>& visit) const final;
   void add_wall_forces(const StateView<D>& s, Real* f, Real* on_pivots, WallGroup which) const final;
   CriticalStep critical_step(const Topology& topology, bool walls = true) const final;
   std::vector<HistoryNeeds> history_needs() const final;

@@ -93,6 +93,10 @@ class ChangeableField final : public ForceField<D> {
   void for_each_contact(const StateView<D>& s, const std::function<void(const Contact<D>&)>& visit) const override {
     field_->for_each_contact(s, visit);
   }
+  void for_each_pair_force(const StateView<D>& s,
+                           const std::function<void(const PairForce<D>&)>& visit) const override {
+    field_->for_each_pair_force(s, visit);
+  }
   void add_wall_forces(const StateView<D>& s, Real* f, Real* torques = nullptr,
                        WallGroup which = WallGroup::all) const override {
     field_->add_wall_forces(s, f, torques, which);

@@ -16,12 +16,15 @@ template <int D>
 py::dict contact_columns(const FrameContacts& contacts) {
   const auto n = static_cast<std::size_t>(contacts.count);
   IndexArray particles(std::vector<py::ssize_t>{static_cast<py::ssize_t>(n), 2});
-  Array position = new_array(n, D), normal = new_array(n, D), force = new_array(n, D), overlap = new_array(n, 1);
+  Array position = new_array(n, D), normal = new_array(n, D), force = new_array(n, D), overlap = new_array(n, 1),
+        friction = new_array(n, D);
+  std::fill_n(friction.mutable_data(), D * n, 0.0);
   for (std::size_t c = 0; c < n; ++c) {
     std::copy_n(contacts.particles[c], 2, particles.mutable_data() + 2 * c);
     std::copy_n(contacts.position[c], D, position.mutable_data() + D * c);
     std::copy_n(contacts.normal[c], D, normal.mutable_data() + D * c);
     std::copy_n(contacts.force[c], D, force.mutable_data() + D * c);
+    if (contacts.friction.data != nullptr) std::copy_n(contacts.friction[c], D, friction.mutable_data() + D * c);
     overlap.mutable_data()[c] = *contacts.overlap[c];
   }
   py::dict d;
@@ -29,6 +32,7 @@ py::dict contact_columns(const FrameContacts& contacts) {
   d["position"] = position;
   d["normal"] = normal;
   d["force"] = force;
+  d["friction"] = friction;
   d["overlap"] = overlap;
   return d;
 }

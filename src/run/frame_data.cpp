@@ -1,6 +1,8 @@
 #include <pliant/run/frame_data.h>
 
 #include <algorithm>
+#include <array>
+#include <map>
 #include <numeric>
 #include <span>
 #include <tuple>
@@ -143,9 +145,85 @@ FrameContacts listed(const std::vector<ContactRecord<D>>& contacts) {
   if (contacts.empty()) return {};
   const ContactRecord<D>& c = contacts.front();
   constexpr std::size_t stride = sizeof c;
-  return {contacts.size(),           {c.particles.data(), stride}, {c.position.data(), stride},
-          {c.normal.data(), stride}, {&c.overlap, stride},         {c.force.data(), stride}};
+  const bool friction = std::any_of(contacts.begin(), contacts.end(),
+                                    [](const ContactRecord<D>& one) { return one.friction != std::array<Real, D>{}; });
+  return {contacts.size(),
+          {c.particles.data(), stride},
+          {c.position.data(), stride},
+          {c.normal.data(), stride},
+          {&c.overlap, stride},
+          {c.force.data(), stride},
+          {friction ? c.friction.data() : nullptr, stride}};
 }
+
+/// Adds forces of elements to contacts. The force of an element that is not a contact belongs to the contact with the
+/// largest overlap of its point (the first one) with the other particle, or else of its two particles; without a
+/// contact it is not a contact force.
+template <int D>
+class ContactForces {
+ public:
+  ContactForces(const Topology& topology, std::vector<ContactRecord<D>>& contacts)
+      : topology_(topology), contacts_(contacts) {}
+
+  /// The next contact in the list; first: the particle that its force acts on.
+  void add(const Contact<D>& c, Index first) {
+    std::vector<Index>& own = contact_of_[static_cast<std::size_t>(c.elements)];
+    if (const auto element = static_cast<std::size_t>(c.element); own.size() <= element) own.resize(element + 1, none);
+    own[static_cast<std::size_t>(c.element)] = static_cast<Index>(places_.size());
+    places_.push_back({first, c.first + c.second - first, c.point});
+  }
+  void add(const PairForce<D>& f) {
+    const std::vector<Index>& own = contact_of_[static_cast<std::size_t>(f.elements)];
+    const auto element = static_cast<std::size_t>(f.element);
+    if (element < own.size() && own[element] != none)
+      add(f, own[element]);
+    else
+      others_.push_back(f);
+  }
+  /// Call last.
+  void add_others() {
+    if (others_.empty()) return;
+    std::map<std::pair<Index, Index>, std::vector<Index>> of_pair;
+    for (std::size_t k = 0; k < places_.size(); ++k)
+      of_pair[std::minmax(places_[k].first, places_[k].second)].push_back(static_cast<Index>(k));
+    // The same sums on any number of ranks.
+    std::stable_sort(others_.begin(), others_.end(), [](const PairForce<D>& a, const PairForce<D>& b) {
+      return std::lexicographical_compare(a.force.begin(), a.force.end(), b.force.begin(), b.force.end());
+    });
+    for (const PairForce<D>& f : others_) {
+      const Index first = topology_.particle[f.points.first], second = topology_.particle[f.points.second];
+      const auto found = of_pair.find(std::minmax(first, second));
+      if (found == of_pair.end()) continue;
+      const auto rank = [&](Index k) {
+        return std::pair(places_[static_cast<std::size_t>(k)].point == f.points.first,
+                         contacts_[static_cast<std::size_t>(k)].overlap);
+      };
+      add(f, *std::max_element(found->second.begin(), found->second.end(),
+                               [&](Index a, Index b) { return rank(a) < rank(b); }));
+    }
+  }
+
+ private:
+  struct Place {
+    Index first, second, point;
+  };
+  static constexpr Index none = -1;
+
+  void add(const PairForce<D>& f, Index contact) {
+    ContactRecord<D>& r = contacts_[static_cast<std::size_t>(contact)];
+    const Real sign = topology_.particle[f.points.first] == places_[static_cast<std::size_t>(contact)].first ? 1 : -1;
+    for (int k = 0; k < D; ++k) {
+      r.force[k] += sign * f.force[k];
+      if (!f.elastic) r.friction[k] += sign * f.force[k];
+    }
+  }
+
+  const Topology& topology_;
+  std::vector<ContactRecord<D>>& contacts_;
+  std::vector<Place> places_;                                 ///< [contacts]
+  std::array<std::vector<Index>, element_kinds> contact_of_;  ///< for each kind: the contact of each element
+  std::vector<PairForce<D>> others_;
+};
 
 }  // namespace
 
@@ -262,6 +340,7 @@ void FrameData<D>::find_contacts(ParticleSystem<D>& system, const StateView<D>& 
   const Topology& topology = system.topology();
   // Capacity for every listed pair: growing would copy, and untouched memory costs nothing.
   contacts_.reserve(static_cast<std::size_t>(system.neighbours().pairs()));
+  ContactForces<D> forces(topology, contacts_);
   system.field().for_each_contact(view, [&](const Contact<D>& c) {
     const bool in_order = topology.id[c.first] < topology.id[c.second];
     const Index first = in_order ? c.first : c.second, second = in_order ? c.second : c.first;
@@ -274,9 +353,16 @@ void FrameData<D>::find_contacts(ParticleSystem<D>& system, const StateView<D>& 
     for (int k = 0; k < D; ++k) {
       r.position[k] = c.position[k] - shift[k];
       r.normal[k] = sign * c.normal[k];
-      r.force[k] = sign * c.force[k];
+      r.force[k] = c.elements == Elements::point_pairs ? sign * c.force[k] : 0;
+      r.friction[k] = 0;
     }
+    forces.add(c, first);
   });
+  // Several elements of vertices, edges and faces act at one contact.
+  system.field().for_each_pair_force(view, [&](const PairForce<D>& f) {
+    if (!f.elastic || f.elements != Elements::point_pairs) forces.add(f);
+  });
+  forces.add_others();
 }
 
 template struct Centres<2>;

@@ -24,6 +24,7 @@ struct ContactRecord {
   std::array<Index, 2> particles;
   Real overlap;
   std::array<Real, D> position, normal, force;
+  std::array<Real, D> friction;  ///< the part of the force by friction and damping
 };
 
 /// A frame with particles and contacts in the order of their ids: each rank has an equal share of the ids, the root the

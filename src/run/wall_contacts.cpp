@@ -49,7 +49,12 @@ struct Place {
   Index point, wall;
   Vec<D> position, normal;  ///< on the wall; towards the point
   Real d;
-  Vec<D> force = Vec<D>::Zero();
+  Vec<D> force = Vec<D>::Zero(), friction = Vec<D>::Zero();  ///< friction: the part of the force that is not elastic
+
+  void add(const Vec<D>& by_term, bool elastic) {
+    force += by_term;
+    if (!elastic) friction += by_term;
+  }
 };
 
 template <int D>
@@ -158,18 +163,15 @@ class WallContactFinder {
   void add_forces(EmptyLists<D>& lists) {
     const Neighbours<D> none(neighbours_.needs(), neighbours_.skin());
     const Topology nobody;
-    std::vector<std::string> terms;
-    for (const TermReport& r : field_.report({view_.x, view_.v, nobody, none, view_.walls, view_.t}))
-      terms.push_back(r.name);
     StateView<D> view{view_.x,        view_.v,      topology_,   neighbours_,   walls_,     view_.t,
                       view_.prefetch, view_.angles, view_.spins, view_.history, view_.turns};
     const auto points = static_cast<std::size_t>(topology_.points()) + static_cast<std::size_t>(topology_.owned());
     std::vector<Real> f(points * std::max(D, rotations<D>) * 2), without(f.size());
-    for (const std::string& term : terms) {
+    for (const TermReport& term : field_.report({view_.x, view_.v, nobody, none, view_.walls, view_.t})) {
       lists.clear_walls();
-      field_.force_of(term, view, without.data());
+      field_.force_of(term.name, view, without.data());
       const auto add = [&](const auto& to) {
-        field_.force_of(term, view, f.data());
+        field_.force_of(term.name, view, f.data());
         for (Index i = 0; i < topology_.owned_points(); ++i)
           if (const Vec<D> change = point<D>(f.data(), i) - point<D>(without.data(), i); change != Vec<D>::Zero())
             to(i, change);
@@ -180,14 +182,14 @@ class WallContactFinder {
           if (layer_[e] != layer) lists.now().walls.pairs[e].second = nowhere_;
         add([&](Index i, const Vec<D>& force) {
           const std::size_t at = first_[static_cast<std::size_t>(i)] + static_cast<std::size_t>(layer);
-          if (at < first_[static_cast<std::size_t>(i) + 1]) places_[at].force += force;
+          if (at < first_[static_cast<std::size_t>(i) + 1]) places_[at].add(force, term.is_energy);
         });
       }
       if (lips_.empty()) continue;
       lists.clear_walls();
       lists.now().lips = lists.all().lips;
       add([&](Index i, const Vec<D>& force) {
-        if (Place<D>* lip = lip_of(i)) lip->force += force;
+        if (Place<D>* lip = lip_of(i)) lip->add(force, term.is_energy);
       });
     }
   }
@@ -209,6 +211,7 @@ class WallContactFinder {
       Place<D>* const lip = lip_of(p.point);
       if (lip == nullptr || (lip->position - p.position).norm() > 1e-9) continue;
       lip->force += p.force;
+      lip->friction += p.friction;
       p.force.setZero();
     }
   }
@@ -224,6 +227,7 @@ class WallContactFinder {
       r.position[k] = p.position[k] - shift[k];  // where the particle is drawn
       r.normal[k] = length > 0 ? p.normal[k] / length : 0;
       r.force[k] = p.force[k];
+      r.friction[k] = p.friction[k];
     }
     return r;
   }

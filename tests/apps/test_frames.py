@@ -127,7 +127,7 @@ KINDS = {
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_contacts_with_walls_add_up(kind, tmp_path):
-    run = hopper(tmp_path / "run", **KINDS[kind]) if "mu_disk_dynamic" not in KINDS[kind] else disks(tmp_path / "run")
+    run = changed(tmp_path / "run", **KINDS[kind])
     found = 0
     for frame in run.frames:
         walls = np.zeros_like(frame["wall_force"])
@@ -145,11 +145,39 @@ def test_contacts_with_walls_add_up(kind, tmp_path):
     assert found > 4
 
 
-def disks(folder):
-    options = {**SMALL, **KINDS["disks"]}
+def changed(folder, **options):
+    """The small hopper with some options changed, or left out: None."""
+    options = {**SMALL, **options}
     result = pliant("hopper", output=folder, **{name: value for name, value in options.items() if value is not None})
     assert result.returncode == 0, result.stderr
     return Results(folder)
+
+
+@pytest.mark.parametrize("model", ({"mu": 3}, {"model": "rough", "n": 20, "hopper_wall_distance": 6, "hopper_width": 0.5, "mu": 3,
+                                               "t_end": 3}, {"model": "disk", "mu": None, "zeta": None}),
+                         ids=("soft", "rough", "frictional"))
+def test_frames_contain_friction_and_change_nothing(model, tmp_path):
+    runs = [changed(tmp_path / str(interval), **{"t_end": 1, **model, "frame_interval": interval}) for interval in (0.05, 1)]
+    last = [run.frames[-1] for run in runs]
+    assert all(np.array_equal(*(frame[name] for frame in last)) for name in ("positions", "velocities"))
+    found = 0
+    for frame in runs[0].frames:
+        normal, friction = frame["contacts/normal"], frame["contacts/friction"]
+        elastic = frame["contacts/force"] - friction
+        along = (elastic * normal).sum(1)
+        assert (along > -1e-9).all() and np.abs(elastic - along[:, None] * normal).max(initial=0) < 1e-9
+        found += (np.linalg.norm(friction, axis=1) > 1e-6).sum()
+    assert found > 10
+
+
+def test_frames_without_friction_store_no_zeros(tmp_path):
+    hopper(tmp_path / "run", t_end=0.5, mu=0)
+    with h5py.File(tmp_path / "run/run.h5") as file:
+        for frame in file["frames"].values():
+            for group in ("contacts", "wall_contacts"):
+                friction = frame[group]["friction"]
+                assert friction.shape == frame[group]["force"].shape and not friction[()].any()
+                assert friction.id.get_storage_size() == 0
 
 
 def test_bytes_per_particle(tmp_path):

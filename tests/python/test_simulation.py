@@ -94,6 +94,56 @@ def test_contacts_of_two_disks():
     assert [contact.nx, contact.fx] == pytest.approx([-1, -10])
 
 
+@pytest.mark.parametrize("friction", ["whole", "tangential"])
+def test_stress_of_two_rubbing_disks(friction):
+    """The upper disk moves along the lower one, and towards it."""
+    v = np.array([0.5, -0.2])
+    sim = Simulation([[2, 2], [2, 2.9]], 1, velocities=[[0, 0], v], box=(4, 5), e_sp=100, mu=0.7, friction=friction)
+    (contact,) = sim.contacts.itertuples()
+    elastic, rubbing = np.array([0, 100 * 0.1]), -0.7 * v * (1, friction == "whole")
+    assert [contact.fx, contact.fy] == pytest.approx(-(elastic + rubbing)) and contact.particle_1 == 0
+    assert [contact.friction_x, contact.friction_y] == pytest.approx(-rubbing)
+    stress = pliant.analysis.mean_stress(sim, kinetic=False)
+    assert stress == pytest.approx(np.outer(elastic + rubbing, [0, 0.9]) / 20)
+    # Each particle has half of the contact.
+    of_each = pliant.analysis.particle_stress(sim, 1.0)
+    assert of_each == pytest.approx(np.tile(np.outer(elastic + rubbing, [0, 0.45]), (2, 1, 1)))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_contacts_have_the_friction_of_frictional_particles(dim, tmp_path):
+    """In a box with a floor: contacts and weight add up to the forces, frames have the same contacts, and reading them changes
+    no bit of the motion."""
+    x = cloud(4**dim, dim, 0.9)
+    v = np.random.default_rng(2).normal(size=x.shape)
+
+    def simulation(**options):
+        return Simulation(x, 1, velocities=v, walls=floor(dim), gravity=[0] * (dim - 1) + [-1], model="disk", e_disk=1000, e_w=1000,
+                          mu_disk=0.5, mu_wall=0.5, **options)
+    plain = simulation()
+    plain.run(0.1)
+    with simulation(output=tmp_path / "run", frame_interval=0.02) as sim:
+        sim.run(0.1, callback=lambda sim: sim.contacts, every=0.01)
+        assert np.array_equal(sim.positions, plain.positions) and np.array_equal(sim.spins, plain.spins)
+        contacts = sim.contacts
+        axes = "xyz"[:dim]
+        force, friction = contacts[["f" + a for a in axes]].to_numpy(), contacts[["friction_" + a for a in axes]].to_numpy()
+        total = sim.masses[:, None] * np.array([0] * (dim - 1) + [-1])
+        np.add.at(total, contacts.particle_1, force)
+        pair = contacts.wall.to_numpy() < 0
+        np.add.at(total, contacts.particle_2[pair], -force[pair])
+        assert total == pytest.approx(sim.forces, abs=1e-12 * np.abs(force).max())
+        normal = contacts[["n" + a for a in axes]].to_numpy()
+        along = ((force - friction) * normal).sum(1)
+        assert force - friction == pytest.approx(along[:, None] * normal, abs=1e-10)  # the elastic part
+        tangential = friction - (friction * normal).sum(1)[:, None] * normal
+        assert (np.linalg.norm(tangential, axis=1) > 0.01).sum() >= 5
+        assert (np.linalg.norm(tangential, axis=1) <= 0.5 * (force * normal).sum(1) + 1e-9).all()  # Coulomb
+        sim.write_frame()
+    frame = pliant.Run(tmp_path / "run").frames[-1]
+    assert not frame.elastic_contacts and frame.contacts.equals(contacts)
+
+
 def test_a_periodic_box():
     sim = Simulation([[0.1, 0.5], [9.2, 0.5]], diameters=1, box=(10, np.inf), e_sp=100)
     assert sim.energies["pair"] == pytest.approx(100 / 2 * 0.1**2)

@@ -3,11 +3,13 @@
 Lengths are in the unit of the run (sigma_avg, or <R> for droplets), the others follow from it (docs/reference/file-format.md).
 """
 
+import warnings
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from ..errors import PliantWarning
 from ..run import Frame, lattice, nearest_image
 
 
@@ -221,4 +223,8 @@ def _of_frame(frame, needed, given):
         values["velocities"] = frame.particle_velocities
     if {"pairs", "forces", "points", "walls"} & set(needed):
         values |= contact_arrays(frame.contacts, run.dim)
+        if "forces" in needed and frame.elastic_contacts and (run.model == "disk" or (run.parameters.get("mu") or 0) > 0):
+            warnings.warn(f"{run.path}: an older version of the program wrote this frame, at time {frame.time:g}; forces between "
+                          "particles are elastic, without friction. Repeat the run to include friction", PliantWarning,
+                          stacklevel=3)
     return Particles(**values | given)
