@@ -295,7 +295,7 @@ class Walls(_Fixed):
         return self._core.bodies
 
     def line(self, points: ArrayLike, **motion) -> int:
-        """Segments between consecutive points [n, 2]; particles touch both sides."""
+        """Segments between consecutive points [n, 2]; particles touch both sides. Friction begins anew at corners."""
         return self._core.polyline(_array(points, "points", 2), _motion(motion))
 
     def segment(self, a: Sequence[float], b: Sequence[float], **motion) -> int:
@@ -303,7 +303,7 @@ class Walls(_Fixed):
         return self.line([_vector(a, "a"), _vector(b, "b")], **motion)
 
     def polygon(self, corners: ArrayLike, **motion) -> int:
-        """A closed outline with corners [n, 2]."""
+        """A closed outline with corners [n, 2]; particles touch both sides. Friction begins anew at corners."""
         return self._core.polygon(_array(corners, "corners", 2), _motion(motion))
 
     def disk(self, centre: Sequence[float], radius: float, **motion) -> int:
@@ -393,7 +393,7 @@ class Simulation(_Fixed):
     #: A function (positions, velocities, t) → forces [points, D] that acts in addition to the model; None: none does.
     force: Callable[[np.ndarray, np.ndarray, float], ArrayLike] | None = None
     _free = ("force",)
-    _cure = "parameters change by sim.set({name}=…), gravity, sizes and masses by another Simulation"
+    _cure = "sim.set(…) changes parameters of the model; gravity, sizes and masses need another Simulation"
 
     @_as_keywords
     def __init__(self, positions: ArrayLike | None = None, diameters: ArrayLike | None = None, *,
@@ -560,6 +560,8 @@ class Simulation(_Fixed):
             self._interrupted(error)
             raise
         self._core.interrupt("")
+        if warning := self._core.take_warning():
+            warnings.warn(_OPTION.sub(r"\1", warning), PliantWarning, stacklevel=4)
 
     def every(self, interval: float | None = None) -> Callable[[Callable], Callable]:
         """Decorator: the function is called in all runs from now on, once per interval, or after every step."""

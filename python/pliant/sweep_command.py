@@ -212,7 +212,7 @@ def main(arguments_=None):
     if given.ensembles:
         for name in ("row", "slurm", "parallel"):
             if getattr(given, name):
-                parser.error(f"--ensembles runs many rows in one process and --{name} a single one; leave out one of the two")
+                parser.error(f"--ensembles runs many rows in one process, --{name} one row in each; leave out one of them")
     for path in (given.table, given.output or given.table):
         if any(unicodedata.category(c) in ("Cc", "Cs") for c in str(path)):
             raise RunError(f"{ascii(str(path))}: a name here must be UTF-8 without control characters; rename it")

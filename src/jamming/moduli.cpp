@@ -27,7 +27,7 @@ class SemidefiniteSolver {
     if (negative > 0)
       throw NumericalError(
           "the packing is unstable: {} or more eigenvalues of its Hessian are below {:.3g}; minimise its energy "
-          "further, and remove rattlers",
+          "further",
           negative, -shift);
   }
 
@@ -153,7 +153,7 @@ Moduli<D> moduli(ParticleSystem<D>& system, std::span<const Real> x, PreStress p
   if (!(left <= std::max(accepted * scale, noise)))
     throw NumericalError(
         "the response to strains was not found: residual {:.3g} of the forces; a strain excites a mode without "
-        "stiffness, for example of a rattler; remove rattlers",
+        "stiffness, so that this packing has no elastic moduli",
         m.residual);
   m.affine = strain.affine / volume;
   // The error of this form is quadratic in the error of u.

@@ -56,6 +56,7 @@ class Simulated final : public AnySimulation {
   std::int64_t steps() const override { return simulation().state().step; }
   Real dt() const override { return simulation().integrator().next_dt(); }
   py::dict counters() const override;
+  std::string take_warning() override { return std::exchange(warning_, {}); }
   py::dict topology() const override;
   py::array images() const override;
 
@@ -236,6 +237,8 @@ class Simulated final : public AnySimulation {
   std::string failed_;  ///< message of a run that failed
   std::optional<EnergyAudit<D>> audit_;
   std::int64_t judged_at_ = 0;  ///< step at which the energy was judged last
+  std::string warning_;         ///< of the energy audit, until it is taken
+  bool warned_ = false;
   CrossingWatch outlines_;
   PassageWatch<D> walls_;
   Real critical_ = 0;                   ///< longest stable step

@@ -374,11 +374,12 @@ template <int D>
 void Simulated<D>::judge_energy() {
   constexpr std::int64_t steps_between = 64;  // a budget costs as much as a few steps
   settle();
-  if (settings_->allow_energy_error || (overdamped() && !settings_->droplets()) ||
-      std::abs(steps() - judged_at_) < steps_between)
-    return;
+  if ((overdamped() && !settings_->droplets()) || std::abs(steps() - judged_at_) < steps_between) return;
   judged_at_ = steps();
-  check_energy(audit_->budget());
+  const EnergyBudget budget = audit_->budget();
+  if (!settings_->allow_energy_error) check_energy(budget);
+  if (!warned_) warning_ = energy_warning(budget);
+  warned_ |= !warning_.empty();
 }
 
 template <int D>

@@ -51,6 +51,8 @@ class AnySimulation {
   virtual std::int64_t steps() const = 0;
   virtual Real dt() const = 0;
   virtual py::dict counters() const = 0;
+  /// The first warning of the energy audit, once; empty without one.
+  virtual std::string take_warning() = 0;
   virtual py::dict topology() const = 0;
   virtual py::array images() const = 0;
 

@@ -23,6 +23,16 @@ std::vector<Vec<2>> corners_of(const Array& points, std::string_view name) {
   return corners;
 }
 
+/// Particles may be on both sides of these walls, and a corner is concave on one of them, where a particle touches both
+/// segments. Therefore a surface, which has one friction history for each particle, ends at each corner.
+WallParts two_sided(WallParts walls) {
+  for (Joint& joint : walls.joints) {
+    const Vec<2>&u = walls.segments[joint.before].direction, &v = walls.segments[joint.wall].direction;
+    joint.convex = std::abs(u[0] * v[1] - u[1] * v[0]) < flat_turn && u.dot(v) > 0;
+  }
+  return walls;
+}
+
 /// Two sides, with a lip at each end and at each sharp corner.
 WallParts open_polyline(const std::vector<Vec<2>>& points) {
   if (points.size() < 2) throw InputError("a wall has {} points; give at least 2", points.size());
@@ -35,12 +45,12 @@ WallParts open_polyline(const std::vector<Vec<2>>& points) {
       if (cross_each_other(points[k], points[k + 1], points[n], points[n + 1]))
         throw InputError("segments {} and {} of a wall cross; divide it into walls that do not", n, k);
     const Real by = k == 0 ? pi : turn(points[k - 1], points[k], points[k + 1], true);
-    if (k > 0) walls.joints.push_back({points[k], walls.next(), walls.next() - 1, by > -flat_turn});
+    if (k > 0) walls.joints.push_back({points[k], walls.next(), walls.next() - 1, false});
     if (std::abs(by) > sharp_turn) walls.lips.push_back({points[k], walls.next()});
     walls.segments.push_back(WallSegment::between(points[k], points[k + 1]));
   }
   walls.lips.push_back({points.back(), walls.next() - 1});
-  return walls;
+  return two_sided(std::move(walls));
 }
 
 Real positive(Real value, std::string_view name) {
@@ -209,7 +219,7 @@ Index AnyWalls::polyline(const Array& points, const MotionArguments& motion) {
 Index AnyWalls::polygon(const Array& corners, const MotionArguments& motion) {
   WallParts parts;
   polygon_of(corners, "the corners of a polygon").add_to(parts);
-  return add(parts, motion);
+  return add(two_sided(std::move(parts)), motion);
 }
 
 Index AnyWalls::disk(const std::vector<Real>& centre, Real radius, const MotionArguments& motion) {

@@ -47,6 +47,14 @@ void check_energy(const EnergyBudget& budget) {
       budget.text());
 }
 
+std::string energy_warning(const EnergyBudget& budget) {
+  constexpr Real noticeable = 0.01;
+  const Real error = budget.certain_error();
+  if (!(error > noticeable)) return {};
+  return fmt::format("energy is conserved to {:.2g} % only: compare with a shorter step (-dt) or lower tolerances",
+                     100 * error);
+}
+
 void SampledIntegral::add(Real t, Real value) {
   if (count_ > 0) sum_ += (t - last_.first) * (value + last_.second) / 2;
   if (count_ > 1) {

@@ -43,6 +43,9 @@ struct EnergyBudget {
 /// Errors: NumericalError if the energy error is so large that no result can be trusted.
 void check_energy(const EnergyBudget& budget);
 
+/// A warning for an energy error above 1 %; empty below.
+std::string energy_warning(const EnergyBudget& budget);
+
 /// ∫ value dt by the trapezoidal rule, with the standard error of the values between the times.
 class SampledIntegral {
  public:

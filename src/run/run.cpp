@@ -437,11 +437,9 @@ void Run<D>::judge_energy() {
 /// How far the results of the run can be trusted. On the root.
 template <int D>
 void Run<D>::report_reliability() const {
-  constexpr Real noticeable = 0.01;
   if (budget_) {
     say("{}\n", budget_->text());
-    if (const Real error = budget_->certain_error(); error > noticeable)
-      warn("energy is conserved to {:.2g} % only: compare with a shorter step (-dt) or lower tolerances", 100 * error);
+    if (const std::string warning = energy_warning(*budget_); !warning.empty()) warn("{}", warning);
   }
   const IntegratorStatistics total = statistics();
   if (total.above_tolerance > 0)

@@ -133,6 +133,9 @@ ExitCode run_by_options(const std::string& scenario, const RunOptions& p, Option
                         const std::function<std::unique_ptr<AnyRun>(std::optional<Checkpoint>)>& make) {
   if (!p.ensemble_over.empty())
     throw InputError("-ensemble_over {}: give the number of runs with each value, -ensemble", p.ensemble_over);
+  if (p.ensemble_workers > 0)
+    throw InputError("-ensemble_workers {}: a single run has no runs at a time; give -ensemble, or leave it out",
+                     p.ensemble_workers);
   start_log();
   const CureOptions cure_options([&](Cure cure) { return options.curing(cure); });
   FolderLock lock;  // held until the run has closed its files

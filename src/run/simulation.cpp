@@ -27,6 +27,12 @@ void Simulation<D>::take(std::span<const Index> ids) {
 }
 
 template <int D>
+void Simulation<D>::set_integrator(std::unique_ptr<Integrator> integrator) {
+  std::visit([&](const auto& system) { integrator->check_system(system); }, system_);
+  integrator_ = std::move(integrator);
+}
+
+template <int D>
 void Simulation<D>::advance(Real t_end, const StepObserver& observer) {
   const bool fresh = std::exchange(fresh_, false);
   std::visit(

@@ -35,8 +35,8 @@ class Simulation {
   Simulation(const Simulation&) = delete;
   Simulation& operator=(const Simulation&) = delete;
 
-  /// Before advance().
-  void set_integrator(std::unique_ptr<Integrator> integrator) { integrator_ = std::move(integrator); }
+  /// Before advance(). Errors: InputError if the integrator cannot solve the system.
+  void set_integrator(std::unique_ptr<Integrator> integrator);
 
   /// Shares the particles out over the ranks, at rest. x [points of all particles · D]. Collective.
   void place(std::span<const Real> x);

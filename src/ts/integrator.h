@@ -39,9 +39,10 @@ class Integrator {
   /// steps. With `fresh` the accelerations in the state are not valid yet (a new run, not a restart). Errors:
   /// NumericalError where a step fails or dt underflows.
   virtual void run(SecondOrderSystem& system, State& state, Real t_end, bool fresh, const StepObserver& observer) = 0;
-  /// As above, for a first-order system, whose unknowns are State::x and State::extra; State::v is not changed. Errors:
-  /// also InputError if the method needs velocities.
+  /// As above, for a first-order system, whose unknowns are State::x and State::extra; State::v is not changed.
   virtual void run(FirstOrderSystem& system, State& state, Real t_end, const StepObserver& observer) = 0;
+  /// Errors: InputError if the method cannot solve this system, as it needs velocities or derivatives of the forces.
+  virtual void check_system(const FirstOrderSystem& system) const = 0;
   virtual const IntegratorStatistics& statistics() const = 0;
   virtual std::string name() const = 0;  ///< "verlet", or "ts:" and the TS type
 

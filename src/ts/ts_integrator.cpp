@@ -560,9 +560,18 @@ void TsIntegrator::run(SecondOrderSystem& system, State& state, Real t_end, bool
   }
 }
 
-void TsIntegrator::run(FirstOrderSystem& system, State& state, Real t_end, const StepObserver& observer) {
-  if (type_ == ts_verlet)
+void TsIntegrator::check_system(const FirstOrderSystem& system) const {
+  if (type_ == ts_verlet && !system.has_velocities())
     throw InputError("-ts_type {} is for motion with inertia; use another explicit type, such as rk", ts_verlet);
+  if (contains(implicit_types, type_) && dynamic_cast<const ImplicitSystem*>(&system) == nullptr) {
+    std::vector<std::string_view> usable(explicit_types.begin(), explicit_types.end());
+    if (!system.has_velocities()) std::erase(usable, ts_verlet);
+    throw InputError("{} needs derivatives of the forces, which this system does not have; use -ts_type {}", name(),
+                     fmt::join(usable, ", "));
+  }
+}
+
+void TsIntegrator::run(FirstOrderSystem& system, State& state, Real t_end, const StepObserver& observer) {
   while (solve(system, state, t_end, observer)) {
   }
 }
@@ -576,13 +585,8 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
     throw InputError("the state has {} unknowns beside the coordinates, but the system has {}", state.extra.size(),
                      system.unknowns() - n);
   if (!std::isfinite(t_end)) throw InputError("the end of the run is {}, but it must be finite", t_end);
+  check_system(system);
   auto* const with_derivatives = dynamic_cast<ImplicitSystem*>(&system);
-  if (contains(implicit_types, type_) && with_derivatives == nullptr) {
-    std::vector<std::string_view> usable(explicit_types.begin(), explicit_types.end());
-    if (!system.has_velocities()) std::erase(usable, ts_verlet);
-    throw InputError("{} needs derivatives of the forces, which this system does not have; use -ts_type {}", name(),
-                     fmt::join(usable, ", "));
-  }
   if (t_end - state.t <= 4 * std::numeric_limits<Real>::epsilon() * std::abs(t_end)) return false;
   const std::size_t unknowns = system.unknowns();
   const bool resized = system.ranks().any(configured_size_ != 0 && configured_size_ != unknowns);

@@ -61,6 +61,7 @@ class TsIntegrator : public Integrator {
   /// repeatedly), a step is rejected too often, dt underflows, or -ts_max_steps is reached.
   void run(SecondOrderSystem& system, State& state, Real t_end, bool fresh, const StepObserver& observer) override;
   void run(FirstOrderSystem& system, State& state, Real t_end, const StepObserver& observer) override;
+  void check_system(const FirstOrderSystem& system) const override;
   const IntegratorStatistics& statistics() const override { return statistics_; }
   std::string name() const override;
 

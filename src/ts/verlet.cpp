@@ -68,9 +68,11 @@ void FixedStepVerlet::evaluate(SecondOrderSystem& system, State& state) {
   check(system, state, predicted_, system.ranks().all(first_non_finite(a_.data(), state.size()) == state.size()));
 }
 
-void FixedStepVerlet::run(FirstOrderSystem&, State&, Real, const StepObserver&) {
-  throw InputError("velocity Verlet is for motion with inertia; use {}", cures({Cure::ts}));
+void FixedStepVerlet::check_system(const FirstOrderSystem& system) const {
+  if (!system.has_velocities()) throw InputError("velocity Verlet is for motion with inertia; use {}", cures({Cure::ts}));
 }
+
+void FixedStepVerlet::run(FirstOrderSystem& system, State&, Real, const StepObserver&) { check_system(system); }
 
 bool FixedStepVerlet::fused_step(SecondOrderSystem& system, State& state, Real t, bool predicted) {
   const std::size_t n = state.size();

@@ -37,6 +37,7 @@ class FixedStepVerlet : public Integrator {
   /// names the coordinate, if an acceleration is not finite.
   void run(SecondOrderSystem& system, State& state, Real t_end, bool fresh, const StepObserver& observer) override;
   void run(FirstOrderSystem& system, State& state, Real t_end, const StepObserver& observer) override;
+  void check_system(const FirstOrderSystem& system) const override;
   const IntegratorStatistics& statistics() const override { return statistics_; }
   std::string name() const override { return "verlet"; }
   Real next_dt() const override { return dt_; }

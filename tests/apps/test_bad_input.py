@@ -22,6 +22,7 @@ def run_program(*command):
     return subprocess.run([PROGRAM, *command], encoding="utf-8", errors="surrogateescape", capture_output=True, timeout=HANGS)
 
 
+OVERDAMPED = ["-dynamics", "overdamped", "-integrator", "ts", "-mu", "0", "-zeta", "1"]
 OPTIONS = {
     "unknown": (["-frobnicate", "3"], ["-frobnicate", "-help"]),
     "misspelt": (["-hopper_widht", "3"], ["-hopper_widht", "did you mean -hopper_width?"]),
@@ -44,6 +45,8 @@ OPTIONS = {
     "other_ts_type": (["-integrator", "ts", "-ts_type", "pseudo"], ["-ts_type pseudo"]),
     "overdamped_verlet": (["-dynamics", "overdamped"], ["-dynamics overdamped", "-integrator ts"]),
     "overdamped_friction": (["-dynamics", "overdamped", "-integrator", "ts"], ["-mu 0.5"]),
+    "overdamped_ts_verlet": ([*OVERDAMPED, "-ts_type", "verlet"], ["-ts_type verlet", "motion with inertia"]),
+    "overdamped_implicit": ([*OVERDAMPED, "-ts_type", "bdf"], ["ts:bdf needs derivatives", "-ts_type"]),
     "negative": (["-hopper_width", "-1"], ["-hopper_width -1", "greater than 0"]),
     "zero": (["-hopper_width", "0"], ["-hopper_width 0", "greater than 0"]),
     "w_not_below_W": (["-hopper_width", "8"], ["8", "-hopper_wall_distance"]),

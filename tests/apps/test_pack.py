@@ -272,6 +272,7 @@ def test_threads_change_nothing(tmp_path):
     ({"pressure": 1}, "-start_pressure"), ({"fraction": 0}, "-fraction"), ({"n": 0}, "-n"),
     ({"model": "rough", "dim": 3}, "does not exist in 3D"), ({"n_vertices": 8}, "-n_vertices"),
     ({"path": "quench", "pressure": 1e-3}, "-pressure"), ({"path": "compress", "start_pressure": 1e-2}, "-start_pressure"),
+    ({"path": "compress", "fraction": 0.95}, "there is nothing to compress"), ({"ensemble_workers": 2}, "give -ensemble"),
     ({"fraction_step": 1e-3}, "-path decompress, which does not read it"),
     ({"mu": 0.1}, "unknown option -mu"), ({"modes": 65}, "-modes 65"), ({"max_iterations": 3}, "has not converged")])
 def test_refusals(options, message, tmp_path):

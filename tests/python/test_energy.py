@@ -3,6 +3,7 @@
 import shutil
 import subprocess
 import sys
+import warnings
 
 import numpy as np
 import pliant
@@ -245,3 +246,50 @@ def test_the_summary_has_the_audit(tmp_path):
     audit = pliant.Run(tmp_path / "run").summary["energy_audit"]
     assert audit["work"] == pytest.approx(pliant.Run(tmp_path / "run").series["work"].iloc[-1])
     assert abs(audit["relative_error"]) < 0.01
+
+
+CORNERS = {"U": [(-5, 20), (-5, 0), (5, 0), (5, 20)], "V": [(-5, 8.66), (0, 0), (5, 8.66)], "roof": [(-5, -5), (0, 0), (5, -5)]}
+
+
+@pytest.mark.parametrize("shape, position, velocity, spin, steps", [
+    ("U", (4.5489, 0.4355), (0.793, 0.042), -1.7474, 1000),
+    ("V", (0.2, 1.1), (0.5, 0), 1, 3000),
+    ("roof", (-0.35, 0.9), (0.6, 0), -0.3, 6000),
+])
+def test_friction_in_corners_of_walls(shape, position, velocity, spin, steps):
+    """A concave corner has two contacts, in whatever order its points are given."""
+    def run(add):
+        walls = pliant.Walls()
+        add(walls)
+        sim = pliant.Simulation([position], diameters=0.9, walls=walls, gravity=(0, -1), model="disk", mu_disk=0.3, e_disk=300,
+                                e_w=300, dt=2e-4, velocities=[velocity])
+        sim.spins[:] = spin
+        start, before = total(sim), sim.work - sim.dissipated
+        sim.step(steps)
+        assert sim.dissipated > 0.05
+        assert total(sim) - start == pytest.approx(sim.work - sim.dissipated - before, abs=1e-3)
+        return sim.positions[0].copy()
+
+    points = CORNERS[shape]
+    here = run(lambda walls: walls.line(points))
+    assert run(lambda walls: walls.line(points[::-1])) == pytest.approx(here, abs=1e-12)
+    if shape == "U":
+        assert run(lambda walls: walls.polygon(points)) == pytest.approx(here, abs=1e-12)  # from inside
+        separate = run(lambda walls: [walls.line(side) for side in zip(points, points[1:])])
+        assert separate == pytest.approx(here, abs=1e-12)
+
+
+def test_a_noticeable_energy_error_gives_a_warning():
+    def spin_up(dt):
+        random = np.random.default_rng(3)
+        x = np.array([(i, j) for i in range(4) for j in range(4)]) * 0.95
+        sim = pliant.Simulation(x, 1, velocities=random.standard_normal(x.shape), model="disk", mu_disk=0.5, **dt)
+        sim.spins[:] = 3 * random.standard_normal(sim.spins.shape)
+        sim.run(1)
+        return sim
+
+    with pytest.warns(pliant.PliantWarning, match=r"energy is conserved to .* % only: compare with a shorter step \(dt\)"):
+        spin_up({})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        spin_up({"dt": 5e-5})

@@ -27,9 +27,10 @@ std::string longer(const HopperEnd& end) {
 /// For a run that -t_end ended first.
 void warn_of_error(const HopperEnd& end, const nlohmann::ordered_json& measured) {
   const bool known = measured.contains("Q") && !measured["Q"]["error"].is_null();
-  const Real error = known ? Real(measured["Q"]["error"]) / Real(measured["Q"]["value"]) : BlockAverage::unknown;
-  warn("the run reached -t_end {:g} before the accuracy -hopper_q_rtol {:g}: the error of Q is {} %; continue with {}",
-       *end.options.t_end, end.options.q_rtol, percent(error), longer(end));
+  const std::string error =
+      known ? percent(Real(measured["Q"]["error"]) / Real(measured["Q"]["value"])) + " %" : "unknown";
+  warn("the run reached -t_end {:g} before the accuracy -hopper_q_rtol {:g}: the error of Q is {}; continue with {}",
+       *end.options.t_end, end.options.q_rtol, error, longer(end));
 }
 
 /// For a run whose flow has ended without a clog: remaining particles may bounce if dissipation is low.

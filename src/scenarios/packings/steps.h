@@ -35,6 +35,7 @@ class PackingSteps final : public Integrator {
   void run(FirstOrderSystem& /*system*/, State& /*state*/, Real /*t_end*/, const StepObserver& /*observer*/) override {
     throw std::logic_error("packings have no rates");
   }
+  void check_system(const FirstOrderSystem& /*system*/) const override {}
   const IntegratorStatistics& statistics() const override { return statistics_; }
   std::string name() const override { return "fire"; }
   Real next_dt() const override { return 1; }
