@@ -365,6 +365,35 @@ class Minimum:
                 f"iterations={self.iterations})")
 
 
+class Moduli:
+    """Result of Simulation.moduli(), in units of force over length^(D-1).
+
+    bulk: -V dp/dV. shear: mean over all directions of shear. shear_xy: against simple shear, displacements along x that grow
+    with y. stiffness: [3, 3] (3D: [6, 6]) change of the stress by strains, in the order xx, yy, xy (xx, yy, zz, yz, xz, xy),
+    shear strains counted twice. stress: [D, D], tension positive; pressure: -trace(stress)/D. max_force: largest component of
+    a force on a point. rattlers: particles without support, which are left out; contacts: number of contacts without them.
+    """
+
+    def __init__(self, values):
+        self.bulk: float = values["bulk"]
+        self.shear: float = values["shear"]
+        self.shear_xy: float = values["shear_xy"]
+        self.stiffness: np.ndarray = values["stiffness"]
+        self.stress: np.ndarray = values["stress"]
+        self.max_force: float = values["max_force"]
+        self.rattlers: np.ndarray = np.array(values["rattlers"], dtype=int)
+        self.contacts: int = values["contacts"]
+
+    @property
+    def pressure(self) -> float:
+        """-trace of the stress over the dimension."""
+        return float(-np.trace(self.stress) / len(self.stress))
+
+    def __repr__(self):
+        return (f"Moduli(bulk={self.bulk:.6g}, shear={self.shear:.6g}, pressure={self.pressure:.6g}, "
+                f"rattlers={len(self.rattlers)})")
+
+
 class Simulation(_Fixed):
     """Particles in motion, with inertia or without.
 
@@ -601,6 +630,20 @@ class Simulation(_Fixed):
             raise NumericalError(f"minimize() has not converged: {minimum.reason}, above force_tolerance {force_tolerance:g}; call it "
                                  "again to continue, raise max_iterations or force_tolerance, or accept it with must_converge=False")
         return minimum
+
+    def moduli(self, contact_threshold: float = 1e-5) -> Moduli:
+        """Elastic moduli of the packing at rest, as pliant.pack(moduli=True) measures them: of all particles but the rattlers,
+        from the Hessian and the pre-stress. Nothing changes. Contacts with less than contact_threshold times the typical force
+        hold no particle up.
+
+        Errors: InputError for a box that is not periodic in all directions, walls, a force function, a model with rotation, and
+        a packing that is not at equilibrium: call minimize() with a force_tolerance of 1e-9 of a contact force, or less.
+        NumericalError for a packing without stiffness, or that is unstable."""
+        if self.force is not None:
+            raise InputError("moduli() with a force function, which has no second derivatives; set force = None")
+        if self._model == "disk":
+            raise InputError("particles of the model disk rotate, and their contacts have no second derivatives; use model sp")
+        return Moduli(self._core.moduli(_number(contact_threshold, "contact_threshold")))
 
     # --- Changes
 
@@ -940,5 +983,5 @@ def start_up(series: ArrayLike) -> int:
     return core.start_up(_array(series, "series"))
 
 
-__all__ = ["Box", "Container", "Minimum", "Simulation", "Walls", "block_average", "diameters", "flow_rate",
+__all__ = ["Box", "Container", "Minimum", "Moduli", "Simulation", "Walls", "block_average", "diameters", "flow_rate",
            "regular_polygons", "start_up"]

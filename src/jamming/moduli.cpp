@@ -1,3 +1,4 @@
+#include <pliant/jamming/backbone.h>
 #include <pliant/jamming/minimise.h>
 #include <pliant/jamming/moduli.h>
 
@@ -162,9 +163,23 @@ Moduli<D> moduli(ParticleSystem<D>& system, std::span<const Real> x, PreStress p
   return m;
 }
 
+template <int D>
+Moduli<D> backbone_moduli(ParticleSystem<D>& system, std::span<const Real> x, const ContactNetwork<D>& network) {
+  if (network.backbone == 0) {
+    Moduli<D> none;
+    none.tangent = none.affine = Moduli<D>::Square::Constant(std::numeric_limits<Real>::quiet_NaN());
+    none.stress.setZero();
+    return none;
+  }
+  const Backbone<D> backbone(system, network.rattlers);
+  return moduli<D>(system, x);
+}
+
 template struct Moduli<2>;
 template struct Moduli<3>;
 template Moduli<2> moduli(ParticleSystem<2>&, std::span<const Real>, PreStress);
 template Moduli<3> moduli(ParticleSystem<3>&, std::span<const Real>, PreStress);
+template Moduli<2> backbone_moduli(ParticleSystem<2>&, std::span<const Real>, const ContactNetwork<2>&);
+template Moduli<3> backbone_moduli(ParticleSystem<3>&, std::span<const Real>, const ContactNetwork<3>&);
 
 }  // namespace pliant

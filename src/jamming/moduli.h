@@ -3,6 +3,7 @@
 
 #include <array>
 
+#include <pliant/jamming/contact_network.h>
 #include <pliant/jamming/stiffness.h>
 
 namespace pliant {
@@ -44,6 +45,11 @@ struct Moduli {
 /// where a strain drives a mode without stiffness.
 template <int D>
 Moduli<D> moduli(ParticleSystem<D>& system, std::span<const Real> x, PreStress pre_stress = PreStress::kept);
+
+/// Moduli of a packing without its rattlers; NaN if all particles are rattlers. network: the contacts at x. Errors:
+/// as of moduli() and Backbone.
+template <int D>
+Moduli<D> backbone_moduli(ParticleSystem<D>& system, std::span<const Real> x, const ContactNetwork<D>& network);
 
 extern template struct Moduli<2>;
 extern template struct Moduli<3>;

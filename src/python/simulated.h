@@ -66,6 +66,7 @@ class Simulated final : public AnySimulation {
     if (running_ == nullptr) throw UsageError("stop() ends a run from its callback; this simulation is not running");
     stop_ = true;
   }
+  py::dict moduli(Real contact_threshold) override;
   py::dict minimize(Real force_tolerance, std::int64_t most_iterations, std::optional<Real> pressure) override;
   std::optional<std::pair<std::vector<Real>, std::vector<Real>>> box() const override;
 
@@ -159,6 +160,8 @@ class Simulated final : public AnySimulation {
   // --- Construction
 
   std::unique_ptr<ForceField<D>> make_field(Settings& settings) const;
+  /// Without particles, which have the sizes of `all`.
+  ParticleSystem<D> make_system(const Topology& all, const Walls<D>& walls, std::unique_ptr<ForceField<D>> field) const;
   /// The engine's simulation of these particles, which have no places yet, and its forces.
   std::pair<std::unique_ptr<Simulation<D>>, ChangeableField<D>*> make_engine(Topology all, const Walls<D>& walls) const;
   /// A simulation of these particles at a time, in place of the present one.

@@ -47,20 +47,25 @@ std::unique_ptr<ForceField<D>> Simulated<D>::make_field(Settings& settings) cons
 }
 
 template <int D>
+ParticleSystem<D> Simulated<D>::make_system(const Topology& all, const Walls<D>& walls,
+                                            std::unique_ptr<ForceField<D>> field) const {
+  const auto n = static_cast<Real>(all.particles());
+  Real width = 0;
+  for (const Real sigma : all.sigma) width += sigma / n;
+  const Real skin = settings_->skin.value_or(usual_skin(settings_->model.particles(), D) * width);
+  return ParticleSystem<D>({}, walls, std::move(field), skin, Ranks(), box_);
+}
+
+template <int D>
 std::pair<std::unique_ptr<Simulation<D>>, ChangeableField<D>*> Simulated<D>::make_engine(Topology all,
                                                                                          const Walls<D>& walls) const {
-  const auto n = static_cast<Real>(all.particles());
   if (all.deformable() != settings_->model.deformable())
     throw InputError("model {} is for {}, but the particles are {}", settings_->model.name,
                      settings_->model.deformable() ? "polygons" : "disks and spheres",
                      all.deformable() ? "polygons" : "disks or spheres");
   auto field = std::make_unique<ChangeableField<D>>(make_field(*settings_), walls.size() > 0);
   ChangeableField<D>* const changeable = field.get();
-  Real width = 0;
-  for (const Real sigma : all.sigma) width += sigma / n;
-  const ModelKind kind = settings_->model.particles();
-  ParticleSystem<D> system({}, walls, std::move(field), settings_->skin.value_or(usual_skin(kind, D) * width), Ranks(),
-                           box_);
+  ParticleSystem<D> system = make_system(all, walls, std::move(field));
   if (!settings_->skin) system.tune_skin();
   const Sorting sorting = settings_->method == Method::verlet ? Sorting::regularly : Sorting::at_start;
   if (!settings_->overdamped())
@@ -295,6 +300,8 @@ template Simulated<2>::Simulated(const ParticleArrays&, const AnyWalls&, const B
                                  const std::vector<std::string>&);
 template Simulated<2>::~Simulated();
 template std::unique_ptr<ForceField<2>> Simulated<2>::make_field(Settings&) const;
+template ParticleSystem<2> Simulated<2>::make_system(const Topology&, const Walls<2>&,
+                                                     std::unique_ptr<ForceField<2>>) const;
 template void Simulated<2>::rebuild(const std::function<void(ParticleTable&)>&, const std::vector<Index>&);
 template Topology Simulated<2>::topology_by_id() const;
 template FastestRates Simulated<2>::rates_of(const Settings&, const CriticalStep&) const;
@@ -307,6 +314,8 @@ template Simulated<3>::Simulated(const ParticleArrays&, const AnyWalls&, const B
                                  const std::vector<std::string>&);
 template Simulated<3>::~Simulated();
 template std::unique_ptr<ForceField<3>> Simulated<3>::make_field(Settings&) const;
+template ParticleSystem<3> Simulated<3>::make_system(const Topology&, const Walls<3>&,
+                                                     std::unique_ptr<ForceField<3>>) const;
 template void Simulated<3>::rebuild(const std::function<void(ParticleTable&)>&, const std::vector<Index>&);
 template Topology Simulated<3>::topology_by_id() const;
 template FastestRates Simulated<3>::rates_of(const Settings&, const CriticalStep&) const;

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include <pliant/jamming/moduli.h>
 #include <pliant/python/simulated.h>
 #include <pliant/run/frame_data.h>
 
@@ -152,10 +153,58 @@ py::tuple Simulated<D>::hessian() {
                         py::array_t<Real>(size, sink.values.data()), offset_.back() * D);
 }
 
+template <int D>
+py::dict Simulated<D>::moduli(Real contact_threshold) {
+  const EngineUse use(EngineUse::Kind::access);
+  check_open();
+  take_changes();
+  // A copy: without rattlers the lists would change, and with them the bits of the motion.
+  Simulation<D> packing(topology_by_id(),
+                        make_system(topology_by_id(), simulation_->particles().walls(), make_field(*settings_)),
+                        Sorting::never);
+  std::vector<Real> x(rows(0) * D);
+  gather(simulation_->topology(), simulation_->state().x().data(), D, x.data());
+  packing.place(x);
+  ParticleSystem<D>& system = packing.particles();
+  const std::span<const Real> at = packing.state().x();
+  for (int k = 0; k < D; ++k)
+    if (!box_.periodic(k))
+      throw InputError("direction {} of the box is open; moduli need a box that is periodic in all directions", k);
+  const ContactNetwork<D> network = contact_network<D>(system, at, contact_threshold);
+  if (network.backbone == 0)
+    throw NumericalError("all {} particles are rattlers, and the packing has no stiffness; compress it", ids_.size());
+  const Moduli<D> m = backbone_moduli<D>(system, at, network);
+  constexpr Real most = 1e-6;
+  if (m.max_force > most * network.typical_force)
+    throw InputError(
+        "a force of {:.3g} acts on a particle, {:.3g} of the typical contact force: moduli belong to a packing at "
+        "equilibrium; call minimize(force_tolerance={:.1g}) first",
+        m.max_force, m.max_force / network.typical_force, 1e-3 * most * network.typical_force);
+  const auto square = [](const auto& matrix) {
+    const auto n = static_cast<std::size_t>(matrix.rows());
+    Array array = new_array(n, n);
+    for (std::size_t a = 0; a < n; ++a)
+      for (std::size_t b = 0; b < n; ++b)
+        array.mutable_data()[a * n + b] = matrix(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b));
+    return array;
+  };
+  py::dict d;
+  d["bulk"] = m.bulk();
+  d["shear"] = m.shear();
+  d["shear_xy"] = m.simple_shear(0, 1);
+  d["stiffness"] = square(m.voigt());
+  d["stress"] = square(m.stress);
+  d["max_force"] = m.max_force;
+  d["rattlers"] = network.rattlers;
+  d["contacts"] = network.contacts;
+  return d;
+}
+
 template py::dict Simulated<2>::energies();
 template std::pair<Real, Real> Simulated<2>::work_and_heat();
 template py::dict Simulated<2>::forces();
 template py::dict Simulated<2>::contacts();
+template py::dict Simulated<2>::moduli(Real);
 template Array Simulated<2>::wall_forces();
 template py::dict Simulated<2>::walls();
 template py::tuple Simulated<2>::hessian();
@@ -163,6 +212,7 @@ template py::dict Simulated<3>::energies();
 template std::pair<Real, Real> Simulated<3>::work_and_heat();
 template py::dict Simulated<3>::forces();
 template py::dict Simulated<3>::contacts();
+template py::dict Simulated<3>::moduli(Real);
 template Array Simulated<3>::wall_forces();
 template py::dict Simulated<3>::walls();
 template py::tuple Simulated<3>::hessian();

@@ -119,6 +119,7 @@ void bind_simulation(py::module_& m) {
       .def("run", &AnySimulation::run)
       .def("stop", &AnySimulation::stop)
       .def("minimize", &AnySimulation::minimize)
+      .def("moduli", &AnySimulation::moduli)
       .def("box", &AnySimulation::box)
       .def("configure", &AnySimulation::configure)
       .def("add", &AnySimulation::add)

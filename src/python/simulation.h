@@ -61,6 +61,8 @@ class AnySimulation {
                    py::object force) = 0;
   virtual void stop() = 0;
   /// pressure: of the periodic box, whose size may change; none: the box is fixed.
+  /// Elastic moduli at rest, without rattlers. Errors: InputError, NumericalError.
+  virtual py::dict moduli(Real contact_threshold) = 0;
   virtual py::dict minimize(Real force_tolerance, std::int64_t most_iterations, std::optional<Real> pressure) = 0;
   /// Origin and lengths of the periodic box; nothing without one.
   virtual std::optional<std::pair<std::vector<Real>, std::vector<Real>>> box() const = 0;

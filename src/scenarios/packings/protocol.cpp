@@ -206,7 +206,7 @@ void PackingProtocol<D>::analyse() {
   network_ = {};
   if (this->state().step > 0 || minimum_.converged)  // not of the random start
     network_ = contact_network<D>(this->particles(), x(), p_.contact_threshold);
-  if (p_.moduli) find_moduli();
+  if (p_.moduli) moduli_ = backbone_moduli<D>(this->particles(), x(), network_);
   if (p_.modes > 0) find_modes();
 }
 
@@ -216,16 +216,6 @@ void PackingProtocol<D>::ready() {
   analyse();
   minimum_ = measure_at<D>(this->particles(), x());
   minimum_.iterations = iterations;
-}
-
-/// NaN for a packing that nothing holds up.
-template <int D>
-void PackingProtocol<D>::find_moduli() {
-  moduli_.tangent.setConstant(std::numeric_limits<Real>::quiet_NaN());
-  moduli_.stress.setZero();
-  if (network_.backbone == 0) return;
-  const Backbone<D> backbone(this->particles(), network_.rattlers);
-  moduli_ = moduli<D>(this->particles(), x());
 }
 
 template <int D>

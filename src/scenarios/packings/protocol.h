@@ -63,7 +63,6 @@ class PackingProtocol : public Protocol<D> {
   Real rim_fraction() const;
   void finish();
   void analyse();
-  void find_moduli();
   void find_modes();
   void run_minimiser(const MinimiserOptions& options);
   MinimiserOptions minimiser();
