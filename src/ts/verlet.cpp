@@ -69,7 +69,8 @@ void FixedStepVerlet::evaluate(SecondOrderSystem& system, State& state) {
 }
 
 void FixedStepVerlet::check_system(const FirstOrderSystem& system) const {
-  if (!system.has_velocities()) throw InputError("velocity Verlet is for motion with inertia; use {}", cures({Cure::ts}));
+  if (!system.has_velocities())
+    throw InputError("velocity Verlet is for motion with inertia; use {}", cures({Cure::ts}));
 }
 
 void FixedStepVerlet::run(FirstOrderSystem& system, State&, Real, const StepObserver&) { check_system(system); }

@@ -45,9 +45,10 @@ void PackProtocol<D>::make_next() {
   if (p_.path == PackingPath::decompress) return this->minimise_enthalpy(pressures_[k]);
   const Real pressure = this->stress().pressure();
   if (k == 0) {
-    if (pressure > p_.pressure)
+    if (p_.path == PackingPath::compress && pressure > p_.pressure)
       throw InputError(
-          "-path compress with -fraction {:g}: the first packing has the pressure {:.4g}, above -pressure {:g}, so that "
+          "-path compress with -fraction {:g}: the first packing has the pressure {:.4g}, above -pressure {:g}, so "
+          "that "
           "there is nothing to compress; give a lower fraction or a higher pressure",
           *p_.fraction, pressure, p_.pressure);
     return;
