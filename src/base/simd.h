@@ -1,8 +1,10 @@
 // Four doubles at a time, with the compiler's vector types, which every target has.
 #pragma once
 
+#include <bit>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <cstring>
 
 #include <pliant/base/multiversion.h>
@@ -49,6 +51,17 @@ PLIANT_INLINE bool any(Mask4 mask) {
   const auto half = __builtin_shufflevector(mask, mask, 0, 1) | __builtin_shufflevector(mask, mask, 2, 3);
   return (half[0] | half[1]) != 0;
 }
+/// Bit k: whether lane k is set.
+PLIANT_INLINE unsigned bits(Mask4 mask) {
+#ifdef __SSE2__
+  typedef float Float8 __attribute__((vector_size(8 * sizeof(float))));
+  const Float8 halves = (Float8)mask;
+  return static_cast<unsigned>(__builtin_ia32_movmskps(__builtin_shufflevector(halves, halves, 0, 2, 4, 6)));
+#else
+  return static_cast<unsigned>((mask[0] & 1) | (mask[1] & 2) | (mask[2] & 4) | (mask[3] & 8));
+#endif
+}
+
 PLIANT_INLINE Real4 sqrt(Real4 a) {
   Real4 r;
   for (int k = 0; k < 4; ++k) r[k] = std::sqrt(a[k]);
@@ -57,6 +70,18 @@ PLIANT_INLINE Real4 sqrt(Real4 a) {
 
 PLIANT_INLINE Int4 truncate(Real4 a) { return __builtin_convertvector(a, Int4); }
 PLIANT_INLINE Real4 real(Int4 a) { return __builtin_convertvector(a, Real4); }
+
+/// Writes first + (number of each bit that is set) to the list, by eights, so that the loop's end is foreseen: up to
+/// seven more than count are written. Returns how many count.
+PLIANT_INLINE Index write_bits(std::uint64_t bits, Index first, Index* list) {
+  const Index count = std::popcount(bits);
+  for (Index done = 0; done < count; done += 8)
+    for (Index k = done; k < done + 8; ++k) {
+      list[k] = first + std::countr_zero(bits);
+      bits &= bits - 1;
+    }
+  return count;
+}
 
 /// Rows become columns.
 PLIANT_INLINE void transpose(Real4& a, Real4& b, Real4& c, Real4& d) {

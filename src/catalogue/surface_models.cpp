@@ -6,6 +6,7 @@
 #include <pliant/model/contact_laws.h>
 #include <pliant/model/fused_surfaces.h>
 #include <pliant/model/fused_terms.h>
+#include <pliant/model/rim_contact.h>
 #include <pliant/model/simplex_contact.h>
 #include <pliant/model/simplex_friction.h>
 
@@ -46,10 +47,12 @@ std::unique_ptr<ForceField<3>> smooth_surfaces(ParameterReader& p, const Surroun
   read_contact_law<HarmonicOverlap>(p);
   const auto vertices = configured(p, VertexFaceContact{});
   const auto edges = configured(p, EdgePairContact{});
-  const auto vertex_friction = configured(p, SimplexFriction<Elements::vertex_faces>{});
-  const auto edge_friction = configured(p, SimplexFriction<Elements::edge_pairs>{});
+  const Fused<SimplexKernel<Elements::vertex_faces>, VertexFaceContact, SimplexFriction<Elements::vertex_faces>> faces(
+      vertices, configured(p, SimplexFriction<Elements::vertex_faces>{}));
+  const Fused<SimplexKernel<Elements::edge_pairs>, EdgePairContact, SimplexFriction<Elements::edge_pairs>> pairs(
+      edges, configured(p, SimplexFriction<Elements::edge_pairs>{}));
   const Fused<WallKernel, WallContact<3>> walls(configured(p, WallContact<3>{}));
-  return with_shape(p, s, vertices, edges, vertex_friction, edge_friction, walls);
+  return with_shape(p, s, faces, pairs, walls, configured(p, RimContact{}));
 }
 
 }  // namespace pliant

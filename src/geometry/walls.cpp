@@ -116,11 +116,11 @@ Index Walls<D>::add(const WallParts& walls, const Motion<D>& motion, const Pose<
   for (const Index k : surface) wall_surface_.push_back(surfaces_ + k);
   if (count > 0) surfaces_ += *std::max_element(surface.begin(), surface.end()) + 1;
 
-  if (D == 2)
-    for (const Lip& lip : walls.lips) {
-      body.lips.push_back(static_cast<Index>(lips_.size()));
-      lips_.push_back({lip.place, first_wall + lip.wall});
-    }
+  for (const Lip& lip : walls.lips) {
+    if (D == 3 && !(lip.place[0] > 0)) continue;
+    body.lips.push_back(static_cast<Index>(lips_.size()));
+    lips_.push_back({lip.place, first_wall + lip.wall});
+  }
   std::vector<Box2> boxes;
   for (const Index part : body.parts) boxes.push_back(box_of(parts_[part]));
   body.part_tree = BoxTree(boxes);

@@ -14,6 +14,7 @@
 #include <pliant/base/errors.h>
 #include <pliant/base/multiversion.h>
 #include <pliant/geometry/box_tree.h>
+#include <pliant/geometry/circle.h>
 #include <pliant/geometry/motion.h>
 #include <pliant/geometry/revolution.h>
 #include <pliant/geometry/solid.h>
@@ -58,11 +59,11 @@ struct RoundedRadius {
   }
 };
 
-/// A free end, or a sharp corner, that points into the flow and can enter an edge between two vertices; in 3D there are
-/// none.
+/// A free end, or a sharp corner, that points into the flow and can enter an edge, or in 3D a face, between its
+/// vertices; in 3D it is a circle about the axis.
 struct Lip {
-  Vec<2> place;
-  Index wall;  ///< the wall that ends at the lip
+  Vec<2> place;  ///< in 3D (ρ, z), ρ > 0
+  Index wall;    ///< the wall that ends at the lip
 };
 
 /// Where two segments of an outline meet and count as one wall.
@@ -158,6 +159,19 @@ class Walls {
   }
   Vec<2> lip(Index l, Real t) const requires(D == 2) {
     return still_ ? lips_[l].place : bodies_[wall_body_[lips_[l].wall]].at(t).place(lips_[l].place);
+  }
+
+  /// In 3D: the circle, and the frame in which it is.
+  Circle lip_circle(Index l) const requires(D == 3) { return {lips_[l].place[0], lips_[l].place[1]}; }
+  Pose<3> lip_pose(Index l, Real t) const requires(D == 3) {
+    return still_ ? Pose<3>() : bodies_[wall_body_[lips_[l].wall]].at(t);
+  }
+  /// The place of a lip that is nearest to the segment from a to b.
+  Vec<3> lip(Index l, const Vec<3>& a, const Vec<3>& b, Real t) const requires(D == 3) {
+    const Pose<3> pose = lip_pose(l, t);
+    const Vec<3> start = pose.back(a), end = pose.back(b);
+    const Circle circle = lip_circle(l);
+    return pose.place(circle.nearest(start + nearest_to_circle(circle, start, end) * (end - start)));
   }
 
   /// Number of parts.

@@ -16,7 +16,7 @@ void check_walls(const Box<D>& box, const Walls<D>& walls) {
   if (box.open()) return;
   constexpr Real far = 1000;  // box lengths
   if (box.tilted() && walls.size() > 0) throw InputError("a tilted box has no walls; leave out the tilt or the walls");
-  if (!walls.lips().empty()) throw InputError("a periodic box has no walls with lips; make the box open");
+  if (D == 2 && !walls.lips().empty()) throw InputError("a periodic box has no walls with lips; make the box open");
   // Whether a segment reaches so far in a direction that nothing is beyond it.
   const auto reaches = [&](const WallSegment& wall, int axis, Real low, Real high) {
     if (wall.direction[1 - axis] != 0) return false;

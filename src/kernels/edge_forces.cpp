@@ -56,17 +56,6 @@ struct OwnPoints {
   }
 };
 
-/// Bit k: whether lane k is set.
-PLIANT_INLINE unsigned bits(Mask4 mask) {
-#ifdef __SSE2__
-  typedef float Float8 __attribute__((vector_size(8 * sizeof(float))));
-  const Float8 halves = (Float8)mask;
-  return static_cast<unsigned>(__builtin_ia32_movmskps(__builtin_shufflevector(halves, halves, 0, 2, 4, 6)));
-#else
-  return static_cast<unsigned>((mask[0] & 1) | (mask[1] & 2) | (mask[2] & 4) | (mask[3] & 8));
-#endif
-}
-
 PLIANT_INLINE Points2 gather(const Real* from, const Index* i) {
   return transpose(at(from, i[0]), at(from, i[1]), at(from, i[2]), at(from, i[3]));
 }
@@ -158,18 +147,6 @@ PLIANT_INLINE void add_four(const EdgeLaw& law, const Data& data, const Index* l
     out.add(a[k], force[k][1]);
     out.add(b[k], force[k][2]);
   }
-}
-
-/// Writes first + (number of each bit that is set) to the list, by eights, so that the loop's end is foreseen: up to
-/// seven more than count are written. Returns how many count.
-PLIANT_INLINE Index write_bits(std::uint64_t bits, Index first, Index* list) {
-  const Index count = std::popcount(bits);
-  for (Index done = 0; done < count; done += 8)
-    for (Index k = done; k < done + 8; ++k) {
-      list[k] = first + std::countr_zero(bits);
-      bits &= bits - 1;
-    }
-  return count;
 }
 
 template <class Law, Rubbing rubbing, Opposed opposed, class Out>

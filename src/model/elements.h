@@ -4,6 +4,7 @@
 
 #include <array>
 #include <numeric>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -60,12 +61,16 @@ struct PairList {
   void clear() { pairs.clear(), reach.clear(), start.assign(1, 0); }
 };
 
+/// Some elements of a list of vertices and faces or of pairs of edges, with the data that kernels need, by chunk:
+/// inside each chunk [chunks], then across the border of each chunk [chunks].
+using NearSimplices = std::vector<std::vector<SimplexPair>>;
+
 /// The elements that searches find.
 struct NeighbourLists {
   PairList point_pairs;   ///< (point, point); across a border the chunk's own point comes first
   PairList vertex_edges;  ///< (vertex, first vertex of the edge)
   PairList walls;         ///< (point, part of the walls)
-  PairList lips;          ///< (lip, first vertex of the edge)
+  PairList lips;          ///< (lip, first vertex of the edge); in 3D (lip, edge), numbered as surface_parts.h explains
   PairList vertex_faces;  ///< (vertex, face), numbered as surface_parts.h explains
   PairList edge_pairs;    ///< (edge, edge); across a border the edge of the chunk comes first
 };
@@ -80,7 +85,7 @@ struct NeighbourNeeds {
   Edges edges = Edges::wide;  ///< in vertex–edge contacts
   bool vertex_faces = false;
   bool edge_pairs = false;
-  bool surface_parts() const { return vertex_faces || edge_pairs; }
+  bool surface_parts() const { return vertex_faces || edge_pairs || lips; }
   bool operator==(const NeighbourNeeds&) const = default;
 };
 
@@ -95,7 +100,7 @@ struct SearchSpace {
   Edges edges;           ///< in vertex–edge contacts
   Real widest, longest;  ///< diameter of a point, edge
   const Topology& topology;
-  const SurfaceBoxes& boxes;  ///< of closed surfaces
+  const SurfaceBoxes& boxes;  ///< of closed surfaces, if the model needs their faces or edges
 };
 
 /// The blocks of second derivatives that an element fills, in addition to the diagonal block of each point.
@@ -264,13 +269,17 @@ struct ElementKind<Elements::walls> : Listed<&NeighbourLists::walls, &NeighbourN
 
 template <>
 struct ElementKind<Elements::lips> : Listed<&NeighbourLists::lips, &NeighbourNeeds::lips, false> {
-  template <int D>
-  static constexpr bool in = D == 2;
   static constexpr Couples couples = Couples::particle;
-  static std::array<Index, 2> stencil(const Topology& t, const Pair& p) { return {p.second, t.next[p.second]}; }
+  static std::array<Index, 2> stencil(const Topology& t, const Pair& p) {
+    return t.surfaces ? points_of_edge(t, p.second) : std::array{p.second, t.next[p.second]};
+  }
   template <class Found>
   static void search(const SearchSpace<2>& s, Index first, Index last, Found&& found) {
     find_lip_pairs(s.cloud, s.walls, s.t, s.margin, first, last, found);
+  }
+  template <class Found>
+  static void search(const SearchSpace<3>& s, Index first, Index last, Found&& found) {
+    find_lip_edges(s.topology, s.boxes, s.walls, s.cloud.x, s.t, s.margin, first, last, found);
   }
 };
 
@@ -285,6 +294,10 @@ struct ElementKind<Elements::vertex_faces>
     return {p.first, a, b, c};
   }
   static Pair points_of_both(const Pair& p) { return {p.first, point_of_face(p.second)}; }
+  /// Element e of the list for its kernel.
+  static SimplexPair simplices(const Topology& t, const PairList& list, Index e) {
+    return vertex_face(t, list[e], list.reach[e], e);
+  }
   template <class Found>
   static void search(const SearchSpace<3>& s, Index first, Index last, Found&& found) {
     for_each_near_surface(s, first, last, [&](Index m, Index n) { test_faces(s, n, m, found); });
@@ -315,6 +328,9 @@ struct ElementKind<Elements::edge_pairs> : Listed<&NeighbourLists::edge_pairs, &
     return {a, b, c, d};
   }
   static Pair points_of_both(const Pair& p) { return {point_of_edge(p.first), point_of_edge(p.second)}; }
+  static SimplexPair simplices(const Topology& t, const PairList& list, Index e) {
+    return edge_pair(t, list[e], list.reach[e], e);
+  }
   template <class Found>
   static void search(const SearchSpace<3>& s, Index first, Index last, Found&& found) {
     for_each_near_surface(s, first, last, [&](Index m, Index n) {
@@ -327,5 +343,16 @@ struct ElementKind<Elements::edge_pairs> : Listed<&NeighbourLists::edge_pairs, &
                     [&](const Pair& pair) { found(pair.first, pair.second, contact_distance(s.topology, m, n)); });
   }
 };
+
+/// Calls visit(pairs) for the elements of a range, vertices and faces or pairs of edges, a few at a time.
+template <class Kind, class Visit>
+void for_each_block(const Topology& topology, const PairList& list, Range range, Visit&& visit) {
+  std::array<SimplexPair, 256> block;
+  for (Index e = range.first; e < range.last;) {
+    std::size_t count = 0;
+    for (; e < range.last && count < block.size(); ++e) block[count++] = Kind::simplices(topology, list, e);
+    visit(std::span<const SimplexPair>(block.data(), count));
+  }
+}
 
 }  // namespace pliant

@@ -1,8 +1,11 @@
-// Assigns the kernel of closed surfaces to the terms of their shape.
+// Assigns the kernels of closed surfaces to their terms.
 #pragma once
 
 #include <pliant/base/multiversion.h>
+#include <pliant/kernels/simplex_forces.h>
 #include <pliant/kernels/surface_forces.h>
+#include <pliant/model/model.h>
+#include <pliant/model/simplex_friction.h>
 #include <pliant/model/surface_terms.h>
 
 namespace pliant {
@@ -30,6 +33,41 @@ struct SurfaceKernel {
                           surface.rest_length.data(), surface.rest_angle.data()},
                          batch, s.x, f);
     }
+  }
+};
+
+/// Vertices and faces, or pairs of edges.
+template <Elements E>
+struct SimplexKernel {
+  using Kind = ElementKind<E>;
+  static constexpr bool of_faces = E == Elements::vertex_faces;
+
+  static bool fast() { return simd::fast(); }
+  template <class Contact>
+  static void add_forces(const StateView<3>& s, Index chunk, Real* f, const Contact& contact,
+                         const SimplexFriction<E>& friction) {
+    static_assert(Contact::elements == E);
+    SimplexLaw law{contact.epsilon, friction.mu, friction.friction == Friction::tangential};
+    if constexpr (!of_faces) law.s0 = contact.s0;
+    const PairList& list = s.neighbours.*Kind::list;
+    if (list.empty()) return;
+    const Range own = s.neighbours.points(chunk);
+    thread_local std::vector<Index> on_rim;
+    const auto add = [&](std::span<const SimplexPair> pairs) {
+      if constexpr (of_faces)
+        add_vertex_face_forces(law, pairs, {own.first, own.last}, s.x, s.v, f, on_rim);
+      else
+        add_edge_pair_forces(law, pairs, {own.first, own.last}, s.x, s.v, f);
+    };
+    const NearSimplices& near = of_faces ? s.neighbours.near_vertex_faces() : s.neighbours.near_edge_pairs();
+    on_rim.clear();
+    for (const Index part : {chunk, s.neighbours.chunks() + chunk})
+      if (s.neighbours.narrowed())
+        add(near[part]);
+      else
+        for_each_block<Kind>(s.topology, list, {list.start[part], list.start[part + 1]}, add);
+    const Scatter<3, 1, true> scatter{f, own};
+    for (const Index e : on_rim) friction.add_force(s, e, scatter);
   }
 };
 

@@ -8,6 +8,15 @@
 
 namespace pliant {
 
+/// Whether lips touch edges too, or, as printed, vertices only.
+inline bool read_lip_rule(ParameterReader& p) {
+  return p.choice({.name = "lip_contact",
+                   .help = "lips of walls touch edges and vertices of polygons, or vertices only [H 10]",
+                   .printed = "literal",
+                   .role = Role::lip_rule},
+                  named<bool>({{"edge", true}, {"literal", false}}));
+}
+
 /// Without it a lip enters an edge between two vertices. For a lip q and a polygon with edges (i, i+1):
 ///   U_q = Σ_i [V(dist(q, closed edge i)) − V(|q − r_i|) − V(|q − r_{i+1}|)], V as for walls.
 /// Each vertex feels the lip already as a point near the wall's end, V(|q − r_i|); with that, the sum is V of the
@@ -24,11 +33,7 @@ struct LipContact {
   void read(ParameterReader& p) {
     epsilon = read_wall_energy(p);
     thickness = read_wall_diameter(p);
-    with_edges = p.choice({.name = "lip_contact",
-                           .help = "lips of walls touch edges and vertices of polygons, or vertices only [H 10]",
-                           .printed = "literal",
-                           .role = Role::lip_rule},
-                          named<bool>({{"edge", true}, {"literal", false}}));
+    with_edges = read_lip_rule(p);
   }
 
   bool enabled(const StateView<2>& s) const { return with_edges && !s.walls.lips().empty(); }

@@ -322,15 +322,39 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
 }
 
 template <int D>
-void Neighbours<D>::narrow(const Topology& topology, const Real* x, Real range) requires(D == 2) {
-  near_edges_.clear();
-  for (std::size_t part = 1; part < vertex_edges.start.size(); ++part) {
-    const Index first = vertex_edges.start[part - 1], last = vertex_edges.start[part];
-    add_near_pairs(std::span(vertex_edges.pairs).subspan(first, last - first), vertex_edges.reach.data() + first, range,
-                   topology.next.data(), x, near_edges_.pairs, near_edges_.reach);
-    near_edges_.start.push_back(near_edges_.size());
+void Neighbours<D>::narrow(const Topology& topology, const Real* x, Real range) {
+  if constexpr (D == 2) {
+    near_edges_.clear();
+    for (std::size_t part = 1; part < vertex_edges.start.size(); ++part) {
+      const Index first = vertex_edges.start[part - 1], last = vertex_edges.start[part];
+      add_near_pairs(std::span(vertex_edges.pairs).subspan(first, last - first), vertex_edges.reach.data() + first,
+                     range, topology.next.data(), x, near_edges_.pairs, near_edges_.reach);
+      near_edges_.start.push_back(near_edges_.size());
+    }
+  } else {
+    narrow_simplices<ElementKind<Elements::vertex_faces>>(topology, x, range, add_near_vertex_faces,
+                                                          near_vertex_faces_);
+    narrow_simplices<ElementKind<Elements::edge_pairs>>(topology, x, range, add_near_edge_pairs, near_edge_pairs_);
   }
   narrowed_ = true;
+}
+
+template <int D>
+template <class Kind, class Add>
+void Neighbours<D>::narrow_simplices(const Topology& topology, const Real* x, Real range, Add&& add_near,
+                                     NearSimplices& near) {
+  const PairList& list = this->*Kind::list;
+  const std::size_t parts = list.start.empty() ? 0 : list.start.size() - 1;
+  near.resize(parts);
+  ParallelErrors errors;
+#pragma omp parallel for schedule(dynamic, 1) if (parts > 2)
+  for (std::size_t part = 0; part < parts; ++part)
+    errors.catch_from([&] {
+      near[part].clear();
+      for_each_block<Kind>(topology, list, {list.start[part], list.start[part + 1]},
+                           [&](std::span<const SimplexPair> pairs) { add_near(pairs, range, x, near[part]); });
+    });
+  errors.rethrow();
 }
 
 template <class Unwanted>

@@ -25,12 +25,16 @@ class Neighbours : public NeighbourLists {
 
   const NeighbourNeeds& needs() const { return needs_; }
 
-  /// The pairs of vertex_edges that can touch, in their order: all pairs, or after narrow() the pairs that can touch
-  /// before a point has moved by range/2 from its position at that call. Omitted pairs do not contribute to forces.
-  const PairList& near_edges() const { return narrowed_ ? near_edges_ : vertex_edges; }
-  void narrow(const Topology& topology, const Real* x, Real range) requires(D == 2);
+  /// Finds the elements of outlines and surfaces that can touch before a point has moved by range/2 from its position
+  /// at this call. The other elements do not contribute to forces until then, or until widen().
+  void narrow(const Topology& topology, const Real* x, Real range);
   void widen() { narrowed_ = false; }
   bool narrowed() const { return narrowed_; }
+  /// The pairs of vertex_edges that can touch, in their order; all pairs if the lists are not narrowed.
+  const PairList& near_edges() const { return narrowed_ ? near_edges_ : vertex_edges; }
+  /// The elements of vertex_faces and of edge_pairs that can touch, in their order, if the lists are narrowed.
+  const NearSimplices& near_vertex_faces() const { return near_vertex_faces_; }
+  const NearSimplices& near_edge_pairs() const { return near_edge_pairs_; }
 
   /// Largest displacement of a point or wall since the lists were built; infinite for NaN, and without lists. x [points
   /// · D]. Walls may have moved, but must be the same walls.
@@ -129,11 +133,14 @@ class Neighbours : public NeighbourLists {
   void build_pairs(const SearchSpace<D>& space);
   template <class Kind>
   void build_own(const SearchSpace<D>& space);
+  template <class Kind, class Add>
+  void narrow_simplices(const Topology& topology, const Real* x, Real range, Add&& add_near, NearSimplices& near);
   void build_from_points(const Topology& topology, const PointCloud& cloud) requires(D == 2);
 
   NeighbourNeeds needs_;
   Real skin_;
   PairList near_edges_;
+  NearSimplices near_vertex_faces_, near_edge_pairs_;
   bool narrowed_ = false;
   bool built_ = false;  ///< and not invalid; a rank without particles has no reference
   std::vector<Real> reference_;

@@ -198,13 +198,11 @@ struct EdgeEdge {
   Real delta;
   Real s0;  ///< s0 of the mollifier
 
-  /// Without a given s0, 4 times the product of the widths of the edges over their mean rest lengths.
+  /// given_s0: 0 for usual_mollifier.
   EdgeEdge(const StateView<3>& s, Index e, Real given_s0) : delta(s.neighbours.edge_pairs.reach[e]), s0(given_s0) {
     points = ElementKind<Elements::edge_pairs>::stencil(s.topology, s.neighbours.edge_pairs[e]);
     for (int k = 0; k < 4; ++k) r[k] = s.position(points[k]);
-    if (s0 > 0) return;
-    const auto width = [&](Index i) { return s.topology.diameter[i] / s.topology.l0[s.topology.particle[i]]; };
-    s0 = 4 * width(points[0]) * width(points[2]);
+    if (!(s0 > 0)) s0 = usual_mollifier(s.topology, points[0], points[2]);
   }
 
   Mollifier mollifier() const { return {r[1] - r[0], r[3] - r[2], s0}; }

@@ -8,6 +8,7 @@
 
 #include <pliant/geometry/cell_grid.h>
 #include <pliant/geometry/pair_search.h>
+#include <pliant/geometry/walls.h>
 #include <pliant/model/topology.h>
 
 namespace pliant {
@@ -56,6 +57,15 @@ void find_vertex_faces(const Topology& topology, const SurfaceBoxes& boxes, cons
 /// The pairs (edge of m, edge of n) that are as near.
 void find_edge_pairs(const Topology& topology, const SurfaceBoxes& boxes, const Real* x, Real margin, Index m, Index n,
                      const FoundPair& found);
+
+/// The edges of the active particles with points first … last−1 with a distance < δ/2 + margin from a lip at time t:
+/// found(lip, edge).
+void find_lip_edges(const Topology& topology, const SurfaceBoxes& boxes, const Walls<3>& walls, const Real* x, Real t,
+                    Real margin, Index first, Index last, const std::function<void(Index, Index)>& found);
+
+/// Smallest distance between two surfaces that do not pierce each other. x, y: their points [points · 3]; the first
+/// surface is shifted.
+Real surface_distance(const Surface& first, const Real* x, const Vec<3>& shift, const Surface& second, const Real* y);
 
 /// Contact distance of two particles.
 inline Real contact_distance(const Topology& t, Index m, Index n) {

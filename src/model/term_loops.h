@@ -383,8 +383,14 @@ class TermLoops {
   /// The wall of an element and where it is touched.
   static std::pair<Index, Vec<D>> touched_wall(const View& s, Index e) {
     if constexpr (T::elements == Elements::lips) {
-      const Index lip = s.neighbours.lips[e].first;
-      return {s.walls.lips()[lip].wall, s.walls.lip(lip, s.t)};
+      const auto [lip, edge] = s.neighbours.lips[e];
+      const Index wall = s.walls.lips()[lip].wall;
+      if constexpr (D == 2) {
+        return {wall, s.walls.lip(lip, s.t)};
+      } else {
+        const auto [a, b] = points_of_edge(s.topology, edge);
+        return {wall, s.walls.lip(lip, s.position(a), s.position(b), s.t)};
+      }
     } else {
       const auto [i, part] = s.neighbours.walls[e];
       Real d;

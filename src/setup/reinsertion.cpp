@@ -7,6 +7,8 @@
 #include <pliant/base/cure.h>
 #include <pliant/base/rng.h>
 #include <pliant/model/polygon.h>
+#include <pliant/model/surface.h>
+#include <pliant/model/surface_search.h>
 #include <pliant/setup/streams.h>
 
 namespace pliant {
@@ -26,6 +28,7 @@ template <int D>
 struct Outline {
   std::vector<Real> x;  ///< [points · D]
   Real diameter;
+  const Surface* surface = nullptr;  ///< of a closed surface
   Index size() const { return static_cast<Index>(x.size()) / D; }
 };
 
@@ -33,6 +36,12 @@ struct Outline {
 template <int D>
 Real gap(const Outline<D>& outline, const Vec<D>& shift, const Topology& topology, const Real* x, Index n,
          bool smooth) {
+  const Real contact = (outline.diameter + topology.diameter[topology.offset[n]]) / 2;
+  if constexpr (D == 3)
+    if (smooth)
+      return surface_distance(*outline.surface, outline.x.data(), shift, topology.surfaces->of(topology, n),
+                              x + 3 * static_cast<std::size_t>(topology.offset[n])) -
+             contact;
   Real least2 = std::numeric_limits<Real>::infinity();
   for (Index i = 0; i < outline.size(); ++i) {
     const Vec<D> r = point<D>(outline.x.data(), i) + shift;
@@ -47,7 +56,7 @@ Real gap(const Outline<D>& outline, const Vec<D>& shift, const Topology& topolog
       }
     }
   }
-  return std::sqrt(least2) - (outline.diameter + topology.diameter[topology.offset[n]]) / 2;
+  return std::sqrt(least2) - contact;
 }
 
 /// Number k = 0, 1 of a draw for particle m.
@@ -100,6 +109,7 @@ void reinsert(const Ranks& ranks, const Topology& topology, const Container& con
   shape = ranks.broadcast(shape, leaving.rank);
   ranks.broadcast(outline.x, leaving.rank);
   outline.diameter = shape.diameter;
+  if (topology.surfaces) outline.surface = &topology.surfaces->kinds[topology.surfaces->kind[leaving.id]];
   const Vec<D> centre = point<D>(shape.centre.data(), 0);
   const Real radius = shape.radius;
 

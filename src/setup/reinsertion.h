@@ -30,8 +30,8 @@ struct Reinsertion {
 /// Moves the particle, as it is shaped now, to a uniformly random lateral position, lowered until it touches the first
 /// particle above the orifice line, and gives all its points the velocity of that particle unless the rule sets
 /// another. There must be no walls on the way down. Random numbers depend on (seed, id, count) only. smooth: outlines
-/// are circulo-lines; otherwise points are disks. The particle stays on its rank. Collective. Errors: NumericalError if
-/// there is no particle to place it on.
+/// are circulo-lines, and faces and edges of surfaces touch; otherwise points are disks, or spheres. The particle stays
+/// on its rank. Collective. Errors: NumericalError if there is no particle to place it on.
 template <int D>
 void reinsert(const Ranks& ranks, const Topology& topology, const Container& container, const Walls<D>& walls,
               bool smooth, std::uint64_t seed, const Leaving& leaving, State& state, const Reinsertion& rule = {});

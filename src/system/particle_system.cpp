@@ -376,13 +376,12 @@ void ParticleSystem<D>::invalidate_lists() {
 
 template <int D>
 void ParticleSystem<D>::narrow(const Real* x) {
-  if constexpr (D == 2) {
-    if (neighbours_.vertex_edges.empty()) return;
-    const Real range = neighbours_.skin() / 2;
-    if (neighbours_.narrowed() && 2 * motion_.since(MotionSince::narrowing) < range * (1 - 1e-9)) return;
-    neighbours_.narrow(topology_, x, range);
-    motion_.restart(MotionSince::narrowing);
-  }
+  if (neighbours_.vertex_edges.empty() && neighbours_.vertex_faces.empty() && neighbours_.edge_pairs.empty()) return;
+  // An element of surfaces costs much more than an entry in the lists.
+  const Real range = neighbours_.skin() / (D == 2 ? 2 : 4);
+  if (neighbours_.narrowed() && 2 * motion_.since(MotionSince::narrowing) < range * (1 - 1e-9)) return;
+  neighbours_.narrow(topology_, x, range);
+  motion_.restart(MotionSince::narrowing);
 }
 
 template <int D>

@@ -56,7 +56,7 @@ OPTIONS = {
     "no_value": (["-zeta"], ["-zeta", "needs a value"]),
     "fraction_of_a_particle": (["-n", "10.5"], ["-n 10.5", "not an integer"]),
     "negative_count": (["-n", "-1"], ["-n -1", "at least 0"]),
-    "smooth surfaces": (["-dim", "3", "-model", "smooth"], ["-dim 2", "-model smooth"]),
+    "wide edges of surfaces": (["-dim", "3", "-model", "smooth", "-edge_width", "0.6"], ["-edge_width 0.6", "-dim 3", "0.5"]),
     "steep": (["-hopper_angle", "91"], ["-hopper_angle 91", "degrees"]),
     "flat on one side": (["-hopper_angle_left", "0"], ["angles 0 of the left wall and 90", "-outline"]),
     "a cone with two angles": (["-dim", "3", "-hopper_angle_left", "0"], ["-hopper_angle_left", "-dim 3", "-dim 2"]),

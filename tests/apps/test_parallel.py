@@ -23,6 +23,8 @@ KINDS = {
     "smooth": {**POLYGONS, "model": "smooth", "t_end": 0.06, "frame_interval": 0.02},
     "surfaces": {"model": "rough", "dim": 3, "n": 12, "hopper_wall_distance": 4, "hopper_width": 2, "pack_fraction": 0.5,
                  "t_end": 0.6, "frame_interval": 0.1, "sample_interval": 0.02},
+    "smooth_surfaces": {"model": "smooth", "dim": 3, "n": 12, "hopper_wall_distance": 2.5, "hopper_width": 1.5, "pack_fraction": 0.5,
+                        "edge_width": 0.3, "e_c": 100, "e_w": 100, "k_v": 2000, "t_end": 0.9, "frame_interval": 0.1, "sample_interval": 0.02},
     "discharge": {"flow": "discharge", "hopper_angle": 45, "n": 40, "t_end": 4},
     "ts": {"integrator": "ts", "ts_type": "rk", "ts_adapt_type": "none", "dt": 1.5e-3, "t_end": 1.5},
 }
@@ -131,7 +133,7 @@ def test_threads_of_ranks_change_no_bit(tmp_path):
 # --- Ranks
 
 @needs_mpi
-@pytest.mark.parametrize("kind, ranks", [("soft", 2), ("soft", 3), ("soft_3d", 3), ("rough", 3), ("smooth", 2), ("surfaces", 3),
+@pytest.mark.parametrize("kind, ranks", [("soft", 2), ("soft", 3), ("soft_3d", 3), ("rough", 3), ("smooth", 2), ("surfaces", 3), ("smooth_surfaces", 3),
                                          ("discharge", 3), ("ts", 2)])
 def test_ranks_give_the_same_run(kind, ranks, serial, tmp_path):
     one, several = serial(kind), hopper_on_ranks(ranks, tmp_path / "ranks", **KINDS[kind])

@@ -8,6 +8,9 @@ from conftest import Results, assert_same_runs, hopper, pliant, stopped_until_do
 SURFACES = {"model": "rough", "dim": 3, "n": 12, "hopper_wall_distance": 4, "hopper_width": 2, "zeta": 0.3, "mu": 0.2,
             "pack_fraction": 0.5, "t_end": 3, "frame_interval": 0.25, "sample_interval": 0.05}
 
+# Wide and soft edges, for a long step.
+SMOOTH = {**SURFACES, "model": "smooth", "edge_width": 0.3, "e_c": 1000, "e_w": 1000}
+
 
 def surfaces(folder, **options):
     return hopper(folder, **{**SURFACES, **options})
@@ -21,9 +24,14 @@ def volumes(results, frame):
     return np.add.reduceat(sixfold, offset[:-1]) / 6
 
 
+@pytest.fixture(scope="module", params=[SURFACES, SMOOTH], ids=["rough", "smooth"])
+def options(request):
+    return request.param
+
+
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    return surfaces(tmp_path_factory.mktemp("surfaces") / "run")
+def run(options, tmp_path_factory):
+    return hopper(tmp_path_factory.mktemp("surfaces") / "run", **options)
 
 
 def test_frames_hold_closed_surfaces(run):
@@ -61,15 +69,26 @@ def test_energy_is_balanced(run):
     assert audit["heat"] > 1 and audit["relative_error"] < 0.01
 
 
+def test_the_energy_error_of_smooth_surfaces_is_of_second_order(tmp_path):
+    """Without drag and friction, onto the bottom, the lip and each other."""
+    def error(dt):
+        results = hopper(tmp_path / str(dt), **{**SMOOTH, "flow": "discharge", "hopper_wall_distance": 2.5, "hopper_width": 1.5, "hopper_angle": 40,
+                         "zeta": 0, "mu": 0, "e_c": 100, "e_w": 100, "k_v": 2000, "k_l": 100, "k_b": 1, "t_end": 0.9, "sample_interval": 0.005,
+                         "dt": dt})
+        assert results.series["contact_pairs"].max() > 2
+        return np.ptp(sum(results.series[f"{kind}_energy"] for kind in ("gravity", "kinetic", "potential")))
+
+    assert 9 < error(8e-5) / error(2e-5) < 30
+
+
 @pytest.mark.parametrize("change", [{"threads": 2}, {"output": "other"}], ids=["threads", "again"])
-def test_runs_repeat_bit_for_bit(run, change, tmp_path):
-    options = {**SURFACES, **change, "output": tmp_path / "run"}
-    assert pliant("hopper", **options).returncode == 0
+def test_runs_repeat_bit_for_bit(run, options, change, tmp_path):
+    assert pliant("hopper", **{**options, **change, "output": tmp_path / "run"}).returncode == 0
     assert_same_runs(run, Results(tmp_path / "run"))
 
 
-def test_stopped_runs_resume_bit_for_bit(run, tmp_path):
-    assert stopped_until_done("hopper", **{**SURFACES, "output": tmp_path / "run"}) >= 2
+def test_stopped_runs_resume_bit_for_bit(run, options, tmp_path):
+    assert stopped_until_done("hopper", **{**options, "output": tmp_path / "run"}) >= 2
     assert_same_runs(run, Results(tmp_path / "run"))
 
 
@@ -79,8 +98,8 @@ def test_discharge_empties_the_hopper(tmp_path):
     assert results.summary["crossed_count"] == 6
 
 
-def test_continuous_flow_reinserts_and_counts(tmp_path):
-    results = surfaces(tmp_path / "run", n=10, hopper_width=3, hopper_angle=30, t_end=6, mu=0)
+def test_continuous_flow_reinserts_and_counts(options, tmp_path):
+    results = hopper(tmp_path / "run", **{**options, "n": 10, "hopper_width": 3, "hopper_angle": 30, "t_end": 6, "mu": 0})
     assert results.summary["crossed_count"] > 3
     assert results.frames[-1]["reinsertions"].sum() > 0
     assert results.frames[-1]["active"].all()
@@ -99,12 +118,12 @@ def test_soft_particles_that_pierce_each_other_end_the_run(tmp_path):
     assert "pierces face" in result.stderr and "-e_c" in result.stderr
 
 
-@pytest.mark.parametrize("options, words", [
+@pytest.mark.parametrize("change, words", [
     ({"n_vertices": 16}, ["16", "12, 42, 162"]), ({"n_vertices": 2}, ["-n_vertices 2"]), ({"shape_parameter": 1.01}, ["1.01", "1.024"]),
-    ({"model": "smooth"}, ["smooth", "3D"]), ({"bending_edges": "full"}, ["-bending_edges", "3D"]), ({"rough_contact": "edge"}, ["-rough_contact", "3D"]),
+    ({"model": "smooth", "edge_width": 0.6}, ["-edge_width 0.6", "0.5"]), ({"mollifier_s0": 0.1}, ["-mollifier_s0", "rough"]), ({"bending_edges": "full"}, ["-bending_edges", "3D"]), ({"rough_contact": "edge"}, ["-rough_contact", "3D"]),
     ({"dim": 2, "k_v": 1}, ["-k_v", "2D"]), ({"k_v": -1}, ["-k_v"]), ({"frame_fields": "area"}, ["area", "polygons"])])
-def test_bad_options_are_refused(options, words, tmp_path):
-    result = pliant("hopper", output=tmp_path / "run", **{**SURFACES, **options})
+def test_bad_options_are_refused(change, words, tmp_path):
+    result = pliant("hopper", output=tmp_path / "run", **{**SURFACES, **change})
     assert result.returncode == 2, result.stdout
     assert all(word in result.stderr for word in words), result.stderr
     assert not (tmp_path / "run").exists()

@@ -168,7 +168,11 @@ TEST_CASE("lips and joints of outlines and obstacles", "[container]") {
     const WallSegment& wall = walls.segments()[walls.wall_of_part(static_cast<Index>(k))];
     CHECK(wall.origin == walls.parts()[k].origin);
   }
-  CHECK(Container(leaning(), obstacles).walls<3>().lips().empty());
+  // In space the circles of those with a radius.
+  const Walls<3> revolved = Container(leaning(), obstacles).walls<3>();
+  REQUIRE(revolved.lips().size() == 2);
+  CHECK(revolved.lips()[0].place == Vec<2>(1, 0));
+  CHECK(revolved.lips()[1].place == Vec<2>(2, 3));
 }
 
 TEST_CASE("a hopper and the same outline push alike, in corners too", "[container]") {

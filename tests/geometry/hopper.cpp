@@ -42,7 +42,9 @@ TEST_CASE("walls of the hopper") {
 
   const Walls<3> revolved = hopper.walls<3>();
   CHECK(revolved.size() == 2);
-  CHECK(revolved.lips().empty());
+  REQUIRE(revolved.lips().size() == 1);
+  CHECK(revolved.lip_circle(0).radius == 2);
+  CHECK(revolved.lip_circle(0).height == 0);
   CHECK(nearest(revolved, Vec<3>(0, 0, 0)) == Approx(2 - 0.375 * axis_width));  // a ring seems nearer there
   CHECK(nearest(revolved, Vec<3>(0.6 * 3.5, -0.8 * 3.5, 1.5)) == Approx(0).margin(1e-14));
   CHECK(nearest(revolved, Vec<3>(0, 4, 50)) == Approx(1));

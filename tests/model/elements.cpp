@@ -87,7 +87,7 @@ constexpr bool can_be = EnergyTerm<AnyTerm<E, D>, D>;
 
 // A kind that is not in the table, or has no elements in these dimensions, does not compile.
 static_assert(can_be<Elements::points, 2> && can_be<Elements::point_pairs, 3> && can_be<Elements::vertex_edges, 2>);
-static_assert(!can_be<Elements::vertex_edges, 3> && !can_be<Elements::lips, 3>);
+static_assert(!can_be<Elements::vertex_edges, 3> && can_be<Elements::lips, 3>);
 static_assert(can_be<Elements::vertex_faces, 3> && can_be<Elements::edge_pairs, 3>);
 static_assert(!can_be<Elements::vertex_faces, 2> && !can_be<Elements::edge_pairs, 2>);
 static_assert(!can_be<static_cast<Elements>(element_kinds), 2>);
@@ -188,7 +188,8 @@ TEST_CASE("the lists of a model follow from its terms") {
   }
   CHECK(alone<2>()->needs() == NeighbourNeeds{});
   CHECK(needs_of<3>(ModelKind::rough) == soft);
-  CHECK(needs_of<3>(ModelKind::smooth) == NeighbourNeeds{.walls = true, .vertex_faces = true, .edge_pairs = true});
+  CHECK(needs_of<3>(ModelKind::smooth) ==
+        NeighbourNeeds{.walls = true, .lips = true, .vertex_faces = true, .edge_pairs = true});
 }
 
 TEST_CASE("terms of one model have the same edges") {

@@ -8,6 +8,7 @@
 #include <functional>
 #include <set>
 
+#include <pliant/model/fused_surfaces.h>
 #include <pliant/model/simplex_friction.h>
 
 #include "support/derivatives.h"
@@ -71,6 +72,19 @@ VectorXd forces_of(const ForceField<3>& field, Configuration<3>& c) {
   VectorXd f(c.x.size());
   field.forces(c.view(), f.data());
   return f;
+}
+
+/// The kernels of contact and friction.
+std::unique_ptr<ForceField<3>> kernels(Real mu, Friction kind, Real s0) {
+  return alone<3>(Fused<SimplexKernel<Elements::vertex_faces>, VertexFaceContact, VertexFriction>(
+                      VertexFaceContact{stiffness}, VertexFriction{mu, kind}),
+                  Fused<SimplexKernel<Elements::edge_pairs>, EdgePairContact, EdgeFriction3>(
+                      EdgePairContact{stiffness, s0}, EdgeFriction3{mu, kind, s0}));
+}
+/// Their terms, one element after the other.
+std::unique_ptr<ForceField<3>> terms(Real mu, Friction kind, Real s0) {
+  return alone<3>(VertexFaceContact{stiffness}, EdgePairContact{stiffness, s0}, VertexFriction{mu, kind},
+                  EdgeFriction3{mu, kind, s0});
 }
 
 /// Sum of the forces of the contacts on particle 0 as the output shows them, and their number.
@@ -432,6 +446,72 @@ TEST_CASE("lists of faces and edges hold every contact until a point has moved b
                                                       : ElementKind<Elements::vertex_faces>::points_of_both(pair);
         CHECK((c.topology.particle[points.first] != 4 && c.topology.particle[points.second] != 4));
       }
+  }
+}
+
+TEST_CASE("kernels of smooth surfaces add the forces of their terms") {
+  for (const auto& [mu, kind] : {std::pair(0.0, Friction::whole), {0.7, Friction::whole}, {0.7, Friction::tangential}})
+    for (int k = 0; k < 60; ++k) {
+      Random random(k);
+      Configuration<3> c = pressed_surfaces(random, 0.1 + 0.05 * (k % 3), k % 2 == 0 ? 12 : 42);
+      const Real s0 = k % 5 == 0 ? 0 : 0.3;
+      const VectorXd by_kernel = forces_of(*kernels(mu, kind, s0), c), by_terms = forces_of(*terms(mu, kind, s0), c);
+      REQUIRE(by_terms.norm() > 0);
+      CHECK((by_kernel - by_terms).norm() < 1e-11 * by_terms.norm());
+    }
+}
+
+TEST_CASE("narrowed lists of smooth surfaces change no bit of the forces until points have moved by half the range") {
+  Random random(4);
+  std::vector<TriangleMesh> meshes;
+  for (int k = 0; k < 192; ++k)
+    meshes.push_back(moved(icosphere(42), random_turn(random), 1.02 * Vec<3>(k / 36, k / 6 % 6, k % 6)));
+  Configuration<3> c = surfaces_in_shape(meshes, 0.08);
+  c.random_velocities(random);
+  constexpr Real skin = 0.2, range = 0.03;
+  Neighbours<3> lists({.vertex_faces = true, .edge_pairs = true}, skin);
+  lists.rebuild(c.topology, c.walls, c.x.data());
+  REQUIRE(lists.chunks() == 2);
+  std::vector<Real> y = c.x;
+  const StateView<3> s{y.data(), c.v.data(), c.topology, lists, c.walls};
+  const auto field = kernels(0.7, Friction::whole, 0);
+  lists.narrow(c.topology, c.x.data(), range);
+  std::size_t near = 0;
+  for (const NearSimplices& list : {lists.near_vertex_faces(), lists.near_edge_pairs()})
+    for (const auto& part : list) near += part.size();
+  CHECK(2 * near < lists.size());
+  for (Index i = 0; i < c.topology.points(); ++i) point<3>(y.data(), i) += 0.4999 * range * random.unit<3>();
+  VectorXd narrowed(y.size()), all(y.size()), sum(y.size());
+  field->forces(s, narrowed.data());
+  lists.widen();
+  field->forces(s, all.data());
+  terms(0.7, Friction::whole, 0)->forces(s, sum.data());
+  CHECK(narrowed == all);
+  REQUIRE(sum.norm() > 1);
+  CHECK((all - sum).norm() < 1e-11 * sum.norm());
+}
+
+TEST_CASE("the distance of two surfaces is that of their nearest parts") {
+  for (int k = 0; k < 20; ++k) {
+    Random random(k);
+    const Vec<3> shift(0.3, 0.1, -0.2);
+    const Configuration<3> c =
+        surfaces_in_shape({moved(icosphere(k % 2 == 0 ? 12 : 42), random_turn(random), -shift),
+                           moved(icosphere(42), random_turn(random), random(1, 1.2) * random.unit<3>())},
+                          0.1);
+    const Topology& t = c.topology;
+    std::vector<Real> placed = c.x;
+    for (Index i = 0; i < t.offset[1]; ++i) point<3>(placed.data(), i) += shift;
+    // The smallest range in which there are pairs.
+    Real none = -0.1, some = 2;
+    while (some - none > 1e-9) {
+      const Real middle = (none + some) / 2;
+      const AllPairs pairs(t, placed.data(), middle);
+      (pairs.vertex_faces.empty() && pairs.edge_pairs.empty() ? none : some) = middle;
+    }
+    const Real distance = surface_distance(t.surfaces->of(t, 0), c.x.data(), shift, t.surfaces->of(t, 1),
+                                           c.x.data() + 3 * static_cast<std::size_t>(t.offset[1]));
+    CHECK(distance == Approx(some + 0.1).margin(1e-8));
   }
 }
 

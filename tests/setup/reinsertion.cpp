@@ -6,7 +6,9 @@
 
 #include <pliant/base/errors.h>
 #include <pliant/base/rng.h>
+#include <pliant/geometry/simplex_distance.h>
 #include <pliant/model/polygon.h>
+#include <pliant/model/surface_parts.h>
 #include <pliant/setup/packing.h>
 #include <pliant/setup/particles.h>
 #include <pliant/setup/reinsertion.h>
@@ -38,7 +40,7 @@ struct Flow {
 
   Flow(ModelKind k, Index n, const Hopper& h, Real distortion = 0, Index who = 5)
       : kind(k),
-        topology(make_particles(k, D, draw_diameters({}, n, 2), {})),
+        topology(make_particles(k, D, draw_diameters({}, n, 2), {.vertices = D == 3 ? 42 : 16})),
         hopper(h),
         walls(h.walls<D>()),
         state(topology.points(), D),
@@ -80,7 +82,30 @@ struct Flow {
         }
         least = std::min(least, (at(i) - at(j)).norm());
       }
+    if constexpr (D == 3)
+      if (kind == ModelKind::smooth) least = std::sqrt(std::min({least * least, parts(fallen, n), parts(n, fallen)}));
     return least - (topology.diameter[topology.offset[fallen]] + topology.diameter[topology.offset[n]]) / 2;
+  }
+
+  /// Least squared distance of the vertices of m and the faces of n, and of their edges.
+  Real parts(Index m, Index n) const requires(D == 3) {
+    const Surface &first = topology.surfaces->of(topology, m), &second = topology.surfaces->of(topology, n);
+    Real least = 1e9;
+    for (std::size_t f = 0; f < second.faces.size(); ++f) {
+      const auto [a, b, c] = points_of_face(topology, first_face(topology, n) + static_cast<Index>(f));
+      for (Index i = topology.offset[m]; i < topology.offset[m + 1]; ++i) {
+        const FourPoints r{at(i), at(a), at(b), at(c)};
+        least = std::min(least, VertexOnFace(r).d2());
+      }
+    }
+    for (std::size_t k = 0; k < first.hinges.size(); ++k)
+      for (std::size_t l = 0; l < second.hinges.size(); ++l) {
+        const auto [a, b] = points_of_edge(topology, first_edge(topology, m) + static_cast<Index>(k));
+        const auto [c, d] = points_of_edge(topology, first_edge(topology, n) + static_cast<Index>(l));
+        const FourPoints r{at(a), at(b), at(c), at(d)};
+        least = std::min(least, EdgeOnEdge(r).d2());
+      }
+    return least;
   }
 
   void check() const {
@@ -135,6 +160,16 @@ TEST_CASE("a soft particle is reinserted onto a bulk particle", "[reinsertion]")
   const Hopper hopper = GENERATE(flat, sloped);
   CAPTURE(hopper.angle);
   check_many(Flow<2>(ModelKind::sp, 40, hopper));
+}
+
+TEST_CASE("a smooth surface is reinserted onto the faces, edges and vertices of a bulk particle", "[reinsertion]") {
+  const Flow<3> flow(ModelKind::smooth, 30, Hopper{.wall_distance = 5, .orifice = 2, .angle = 90}, 0.02);
+  for (std::uint64_t count = 0; count < 5; ++count) {
+    CAPTURE(count);
+    Flow<3> trial = flow;
+    trial.reinsert_one(count);
+    trial.check();
+  }
 }
 
 TEST_CASE("a sphere is reinserted onto a bulk particle", "[reinsertion]") {

@@ -77,7 +77,7 @@ class Configuration {
     neighbours_->invalidate();
   }
 
-  static constexpr NeighbourNeeds everything{true, D == 2, true, D == 2, 0.1, Edges::wide, D == 3, D == 3};
+  static constexpr NeighbourNeeds everything{true, D == 2, true, true, 0.1, Edges::wide, D == 3, D == 3};
   static constexpr Real list_skin = 0.02;
   // Behind a pointer so that a view survives a move of the configuration.
   std::unique_ptr<Neighbours<D>> neighbours_ = std::make_unique<Neighbours<D>>(everything, list_skin);

@@ -57,6 +57,12 @@ void check_directions(const StateView<D>& s, bool lip_edges, const std::string& 
     for (Index e = 0; e < s.neighbours.edge_pairs.size(); ++e)
       if (const EdgeEdge pair(s, e, 0); EdgeOnEdge(pair.r).d2() == 0)
         refuse(pair.points[0], fmt::format("the edge between {} and {}", named(pair.points[2]), named(pair.points[3])));
+    for (const auto [lip, edge] : s.neighbours.lips) {
+      const auto [a, b] = points_of_edge(topology, edge);
+      if (lip_edges &&
+          foot_on_segment<3>(s.walls.lip(lip, s.position(a), s.position(b), s.t), s.position(a), s.position(b)).d2 == 0)
+        refuse(a, "the lip of inputs.hopper3d on an edge");
+    }
   }
 }
 

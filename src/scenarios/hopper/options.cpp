@@ -23,7 +23,6 @@ std::vector<ModelDefinition> models_with(const std::vector<ModelDefinition>& own
   std::vector<ModelDefinition> all;
   for (const ModelKind kind : {ModelKind::sp, ModelKind::rough, ModelKind::smooth, ModelKind::disk})
     all.push_back(catalogue_model(kind));
-  all[2].space = {};  // runs of smooth surfaces are not tested yet
   all.insert(all.end(), own.begin(), own.end());
   return all;
 }
@@ -45,7 +44,7 @@ void HopperOptions::bind(Options& o) {
   explain_gravitational_units(o);
   model.bind(o, UnitSystem::gravitational());
   o.bind("dim", dim,
-         {.help = "dimension; 3 only for sp, disk, and rough (closed surfaces)",
+         {.help = "dimension; 3 for sp, disk, and rough and smooth (closed surfaces)",
           .min = 2,
           .max = 3,
           .cures = {{Cure::two_dimensions, "2"}, {Cure::three_dimensions, "3"}},
@@ -201,6 +200,13 @@ void HopperOptions::take_start(const std::optional<Checkpoint>& checkpoint) {
 
 void HopperOptions::resolve() {
   resolve_vertices(shape, dim);
+  // sin²θ = 1 of two edges is 4 edge_width² then (Mollifier).
+  constexpr Real widest_edge_of_surface = 0.5;
+  if (dim == 3 && model.particles() == ModelKind::smooth && shape.edge_width > widest_edge_of_surface)
+    throw InputError(
+        "-edge_width {} with -dim 3: contacts of edges that are wider than half their length count less at all angles; "
+        "use at most {}",
+        shape.edge_width, widest_edge_of_surface);
   if (dim == 2)
     model.resolve<2>({});
   else
