@@ -193,7 +193,7 @@ struct RimContact {
       const Factor m = factor();
       const auto by_points = sum_gradient();
       const Real c = cosine();
-      const Vec<3> first = -2 * c * cosine_gradient(k), second = -2 * c * cosine_gradient(l);  // of s
+      const Vec<3> first = -2 * c * cosine_gradient(k), second = -2 * c * cosine_gradient(l);  // derivatives of s
       const Mat<3> of_s = -2 * (cosine_gradient(k) * cosine_gradient(l).transpose() + c * cosine_hessian(k, l));
       return m.value * sum_hessian(k, l) +
              m.slope * (first * by_points[l].transpose() + by_points[k] * second.transpose() + sum() * of_s) +
