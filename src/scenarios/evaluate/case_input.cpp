@@ -237,8 +237,9 @@ CaseModel read_model(const CaseValue& model, const CaseValue& inputs) {
   if (own.space) old_names.push_back(fmt::format("{} ({} with dim 3)", own.name, to_string(own.kind)));
   if (own.old) {
     const bool other_defaults = own.kind == ModelKind::rough || own.kind == ModelKind::smooth;
-    old_names.push_back(fmt::format("{} ({}{})", own.name, to_string(own.kind),
-                                    other_defaults ? ", whose default contacts and friction are not as printed in [H]" : ""));
+    old_names.push_back(
+        fmt::format("{} ({}{})", own.name, to_string(own.kind),
+                    other_defaults ? ", whose default contacts and friction are not as printed in [H]" : ""));
   }
   if (!old_names.empty())
     result.remark = fmt::format("{}: has names of older versions; the present names are in brackets: {}", model.path(),
