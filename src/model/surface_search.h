@@ -9,6 +9,7 @@
 #include <pliant/geometry/cell_grid.h>
 #include <pliant/geometry/pair_search.h>
 #include <pliant/geometry/walls.h>
+#include <pliant/model/surface.h>
 #include <pliant/model/topology.h>
 
 namespace pliant {
