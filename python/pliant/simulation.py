@@ -422,7 +422,7 @@ class Simulation(_Fixed):
     #: A function (positions, velocities, t) → forces [points, D] that acts in addition to the model; None: none does.
     force: Callable[[np.ndarray, np.ndarray, float], ArrayLike] | None = None
     _free = ("force",)
-    _cure = "sim.set(…) changes parameters of the model; gravity, sizes and masses need another Simulation"
+    _cure = "parameters change by sim.set({name}=…), gravity, sizes and masses by another Simulation"
 
     @_as_keywords
     def __init__(self, positions: ArrayLike | None = None, diameters: ArrayLike | None = None, *,

@@ -418,6 +418,10 @@ void RunWriter::write_frame(const Frame& frame, const FrameFormat& format) {
       if (const auto at = datasets.back().address(); xdmf_ && at != 0 && at < file_->committed())
         throw std::logic_error("run.h5: a new dataset lies where the last flush has put something");
     }
+    for (const std::string list : {"contacts", "wall_contacts"})
+      if (const std::string overlap = list + "/overlap", friction = list + "/friction";
+          group->has(overlap) && !group->has(friction))
+        group->write_constant(friction, Real(0), {group->shape(overlap)[0], static_cast<std::uint64_t>(dim_)});
     if (xdmf_)
       write_views(*group, "/frames/" + name, format.single ? hdf5::Type::single : hdf5::Type::real);
     else if (!group->has("centres"))
@@ -462,11 +466,9 @@ void RunWriter::write_views(Group& frame, const std::string& path, hdf5::Type st
     show("contacts/particles", "xdmf/contact_particle", hdf5::Type::int32, 1,
          [](Rows rows) { return hdf5::Shape{rows}; });
   for (const char* list : {"contact", "wall_contact"}) {
-    const std::string overlap = fmt::format("{}s/overlap", list), friction = fmt::format("{}s/friction", list);
-    if (!frame.has(overlap)) continue;
-    const Rows count = frame.shape(overlap)[0];
-    if (!frame.has(friction)) frame.write_constant(friction, Real(0), {count, dim});
-    if (count > 0) write_xdmf_constants(frame, fmt::format("xdmf/{}_constants", list), count, frame.has("spins"));
+    const std::string overlap = fmt::format("{}s/overlap", list);
+    if (const Rows count = frame.has(overlap) ? frame.shape(overlap)[0] : 0; count > 0)
+      write_xdmf_constants(frame, fmt::format("xdmf/{}_constants", list), count, frame.has("spins"));
   }
 }
 

@@ -222,8 +222,6 @@ def test_another_solver_of_the_force_balance():
 
 
 @pytest.mark.parametrize("integrator", ["beuler", "alpha2", "arkimex"])
-def test_an_implicit_method_is_refused_and_the_simulation_closes(integrator):
-    with Simulation([[0, 0], [3, 0]], 2, integrator=integrator, **DROPLETS) as sim:
-        with pytest.raises(pliant.InputError, match="needs derivatives"):
-            sim.run(1)
-        assert sim.positions.tolist() == [[0, 0], [3, 0]]
+def test_an_implicit_method_is_refused(integrator):
+    with pytest.raises(pliant.InputError, match="needs derivatives"):
+        Simulation([[0, 0], [3, 0]], 2, integrator=integrator, **DROPLETS)
