@@ -28,7 +28,7 @@ void Simulation<D>::take(std::span<const Index> ids) {
 
 template <int D>
 void Simulation<D>::set_integrator(std::unique_ptr<Integrator> integrator) {
-  std::visit([&](const auto& system) { integrator->check_system(system); }, system_);
+  if (integrator) std::visit([&](const auto& system) { integrator->check_system(system); }, system_);
   integrator_ = std::move(integrator);
 }
 

@@ -35,7 +35,7 @@ class Simulation {
   Simulation(const Simulation&) = delete;
   Simulation& operator=(const Simulation&) = delete;
 
-  /// Before advance(). Errors: InputError if the integrator cannot solve the system.
+  /// Before advance(); null where nothing advances. Errors: InputError if the integrator cannot solve the system.
   void set_integrator(std::unique_ptr<Integrator> integrator);
 
   /// Shares the particles out over the ranks, at rest. x [points of all particles · D]. Collective.

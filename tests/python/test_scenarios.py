@@ -96,7 +96,7 @@ def test_a_stopped_run_goes_on_by_the_same_call(tmp_path, small, program, summar
     {"n": -5}, {"n": 2.5}, {"n": float("nan")}, {"hopper_width": float("inf")}, {"hopper_widht": 3}, {"model": "soft"},
     {"foo": 1}, {"g": 9.81}, {"hopper_width": 60}, {"mu": True}, {"output": ""}, {"ts_type": "rk"}, {"ts_typ": "rk"},
     {"restart": "no-such-folder"}, {"outline": "no-such-file"}, {"options_file": "no-such-file.yaml"},
-    {"dt": 5, "t_end": 1}, {"dt": 0.1}, {"integrator": "ts", "ts_type": "foo"}, {"k_a": 3}, {"dim": 3, "model": "smooth"},
+    {"dt": 5, "t_end": 1}, {"dt": 0.1}, {"integrator": "ts", "ts_type": "foo"}, {"k_a": 3}, {"dim": 3, "model": "bubble"},
     {"obstacle": "disk:0,6"}, {"threads": 0}, {"seed": 10**30},
 ])
 def test_bad_options_have_the_messages_of_the_program(options, tmp_path, program, monkeypatch):

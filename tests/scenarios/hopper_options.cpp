@@ -200,7 +200,6 @@ TEST_CASE("options of a hopper that contradict each other", "[options]") {
     CHECK_THROWS_AS(resolved(arguments), InputError);
     CHECK_THROWS_WITH(resolved(arguments), Contains(says));
   };
-  refused({"-dim", "3", "-model", "smooth"}, "-model smooth does not exist in 3D");
   refused({"-model", "rough", "-k_v", "5"}, "-k_v (command line) with -model rough in 2D");
   refused({"-model", "rough", "-dim", "3", "-bending_edges", "full"},
           "-bending_edges (command line) with -model rough in 3D");
