@@ -960,8 +960,8 @@ def test_a_disk_wall_that_is_crossed_ends_the_run():
 
 
 def test_particles_beyond_walls_may_be_there():
-    """A run does not end if a particle starts below a floor or beside the end of the floor, if a callback or a periodic border
-    moves a particle there, if a callback moves a wall past a particle, or if a particle rolls around the end of a wall."""
+    """Particles below a floor or beside its end do not end a run: not at the start, not after a callback or a periodic
+    border has moved them there, not after a callback has moved a wall past them, and not while they roll around an end."""
     below = Simulation([[0, -0.7], [6, 0.3], [3, -0.2]], 1, velocities=[[0, 1], [0, -3], [0, 0]], walls=thin_floor(), e_w=100)
     below.run(2)
     assert below.positions[0, 1] < 0 and below.positions[1, 1] < -1
