@@ -17,13 +17,8 @@ inline bool read_lip_rule(ParameterReader& p) {
                   named<bool>({{"edge", true}, {"literal", false}}));
 }
 
-/// Without it a lip enters an edge between two vertices. For a lip q and a polygon with edges (i, i+1):
-///   U_q = Σ_i [V(dist(q, closed edge i)) − V(|q − r_i|) − V(|q − r_{i+1}|)], V as for walls.
-/// Each vertex feels the lip already as a point near the wall's end, V(|q − r_i|); with that, the sum is V of the
-/// distance to the outline, counted once, and C¹. Lips move with their walls. Elements: neighbour list of
-/// lips and edges.
-template <class Law = HarmonicOverlap>
-struct LipContact {
+/// Settings of the contact of lips with edges, of polygons or of surfaces. Elements: neighbour list of lips and edges.
+struct LipSettings {
   Real epsilon;
   bool with_edges = true;  ///< false: as printed, only vertices feel lips
   Real thickness = 0;      ///< of the walls, as in WallContact
@@ -36,9 +31,30 @@ struct LipContact {
     with_edges = read_lip_rule(p);
   }
 
-  bool enabled(const StateView<2>& s) const { return with_edges && !s.walls.lips().empty(); }
+  template <int D>
+  bool enabled(const StateView<D>& s) const {
+    return with_edges && !s.walls.lips().empty();
+  }
   Real range() const { return thickness / 2; }
 
+ protected:
+  /// Bound of ω; stiffness: of the contact law.
+  Real rate_of(Real stiffness, const Topology& topology) const {
+    return with_edges
+               ? std::sqrt(4 * stiffness * epsilon /
+                           smallest_over_points(
+                               topology,
+                               [&](Index i) { return square(topology.diameter[i] + thickness) * topology.mass(i); }))
+               : 0;
+  }
+};
+
+/// Without it a lip enters an edge between two vertices. For a lip q and a polygon with edges (i, i+1):
+///   U_q = Σ_i [V(dist(q, closed edge i)) − V(|q − r_i|) − V(|q − r_{i+1}|)], V as for walls.
+/// Each vertex feels the lip already as a point near the wall's end, V(|q − r_i|); with that, the sum is V of the
+/// distance to the outline, counted once, and C¹. Lips move with their walls.
+template <class Law = HarmonicOverlap>
+struct LipContact : LipSettings {
   Real energy(const StateView<2>& s, Index e) const {
     const auto [q, a, b, v] = element(s, e);
     const Vec<2> ra = s.position(a), rb = s.position(b);
@@ -77,14 +93,7 @@ struct LipContact {
     }
   }
 
-  Real max_rate(const Topology& topology) const {
-    return with_edges
-               ? std::sqrt(4 * Law::stiffness * epsilon /
-                           smallest_over_points(
-                               topology,
-                               [&](Index i) { return square(topology.diameter[i] + thickness) * topology.mass(i); }))
-               : 0;
-  }
+  Real max_rate(const Topology& topology) const { return rate_of(Law::stiffness, topology); }
 
  private:
   struct Element {

@@ -14,25 +14,9 @@ namespace pliant {
 ///   U = m_q [V(d(e, C)) − V(d(a, C)) − V(d(b, C))], V as for walls.
 /// Vertices feel the lip already as points near the wall's end (LipContact). The nearest place of an edge along the lip
 /// jumps; therefore m_q = t² (3 − 2 t), t = (s − s1)/(3 s1) between 0 and 1, with s = sin² of the angle between the
-/// edge and the lip at the middle of the edge, and s1 = (width of the edge/mean rest length)². U is C¹. Elements:
-/// neighbour list of lips and edges.
-struct RimContact {
+/// edge and the lip at the middle of the edge, and s1 = (width of the edge/mean rest length)². U is C¹.
+struct RimContact : LipSettings {
   using Law = HarmonicOverlap;
-
-  Real epsilon;
-  bool with_edges = true;  ///< false: only vertices feel lips
-  Real thickness = 0;      ///< of the walls, as in WallContact
-
-  static constexpr Elements elements = Elements::lips;
-  static std::string_view name() { return "lip"; }
-  void read(ParameterReader& p) {
-    epsilon = read_wall_energy(p);
-    thickness = read_wall_diameter(p);
-    with_edges = read_lip_rule(p);
-  }
-
-  bool enabled(const StateView<3>& s) const { return with_edges && !s.walls.lips().empty(); }
-  Real range() const { return thickness / 2; }
 
   Real energy(const StateView<3>& s, Index e) const {
     const Rim rim(*this, s, e);
@@ -62,14 +46,7 @@ struct RimContact {
       for (int l = 0; l < 2; ++l) h.add(rim.points[k], rim.points[l], rim.pose.matrix(rim.hessian(k, l)));
   }
 
-  Real max_rate(const Topology& topology) const {
-    return with_edges
-               ? std::sqrt(4 * Law::stiffness * epsilon /
-                           smallest_over_points(
-                               topology,
-                               [&](Index i) { return square(topology.diameter[i] + thickness) * topology.mass(i); }))
-               : 0;
-  }
+  Real max_rate(const Topology& topology) const { return rate_of(Law::stiffness, topology); }
 
  private:
   /// A place p and the circle: distance, direction from the circle, and second derivatives of the distance.
