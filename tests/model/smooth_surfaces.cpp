@@ -163,6 +163,16 @@ struct AllPairs {
 
 Pair in_numbers(const Pair& p) { return p.first < p.second ? p : Pair{p.second, p.first}; }
 
+/// Surfaces in two chunks, turned at random, near each other, with velocities.
+Configuration<3> crowd_of_surfaces(Random& random, Real edge_width) {
+  std::vector<TriangleMesh> meshes;
+  for (int k = 0; k < 192; ++k)
+    meshes.push_back(moved(icosphere(42), random_turn(random), 1.02 * Vec<3>(k / 36, k / 6 % 6, k % 6)));
+  Configuration<3> c = surfaces_in_shape(meshes, edge_width);
+  c.random_velocities(random);
+  return c;
+}
+
 }  // namespace
 
 TEST_CASE("derivatives of the contacts of smooth surfaces") {
@@ -463,11 +473,7 @@ TEST_CASE("kernels of smooth surfaces add the forces of their terms") {
 
 TEST_CASE("narrowed lists of smooth surfaces change no bit of the forces until points have moved by half the range") {
   Random random(4);
-  std::vector<TriangleMesh> meshes;
-  for (int k = 0; k < 192; ++k)
-    meshes.push_back(moved(icosphere(42), random_turn(random), 1.02 * Vec<3>(k / 36, k / 6 % 6, k % 6)));
-  Configuration<3> c = surfaces_in_shape(meshes, 0.08);
-  c.random_velocities(random);
+  const Configuration<3> c = crowd_of_surfaces(random, 0.08);
   constexpr Real skin = 0.2, range = 0.03;
   Neighbours<3> lists({.vertex_faces = true, .edge_pairs = true}, skin);
   lists.rebuild(c.topology, c.walls, c.x.data());
@@ -517,11 +523,7 @@ TEST_CASE("the distance of two surfaces is that of their nearest parts") {
 
 TEST_CASE("forces of smooth surfaces in chunks are those of all pairs, each once") {
   Random random(3);
-  std::vector<TriangleMesh> meshes;
-  for (int k = 0; k < 192; ++k)
-    meshes.push_back(moved(icosphere(42), random_turn(random), 1.02 * Vec<3>(k / 36, k / 6 % 6, k % 6)));
-  Configuration<3> c = surfaces_in_shape(meshes, 0.12);
-  c.random_velocities(random);
+  const Configuration<3> c = crowd_of_surfaces(random, 0.12);
   Neighbours<3> lists({.vertex_faces = true, .edge_pairs = true}, 0.05);
   lists.rebuild(c.topology, c.walls, c.x.data());
   REQUIRE(lists.chunks() == 2);
