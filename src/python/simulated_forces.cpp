@@ -157,19 +157,19 @@ template <int D>
 py::dict Simulated<D>::moduli(Real contact_threshold) {
   const EngineUse use(EngineUse::Kind::access);
   check_open();
+  for (int k = 0; k < D; ++k)
+    if (!box_.periodic(k))
+      throw InputError("direction {} of the box is open; moduli need a box that is periodic in all directions", k);
   take_changes();
   // A copy: without rattlers the lists would change, and with them the bits of the motion.
-  Simulation<D> packing(topology_by_id(),
-                        make_system(topology_by_id(), simulation_->particles().walls(), make_field(*settings_)),
+  const Topology all = topology_by_id();
+  Simulation<D> packing(all, make_system(all, simulation_->particles().walls(), make_field(*settings_)),
                         Sorting::never);
   std::vector<Real> x(rows(0) * D);
   gather(simulation_->topology(), simulation_->state().x().data(), D, x.data());
   packing.place(x);
   ParticleSystem<D>& system = packing.particles();
   const std::span<const Real> at = packing.state().x();
-  for (int k = 0; k < D; ++k)
-    if (!box_.periodic(k))
-      throw InputError("direction {} of the box is open; moduli need a box that is periodic in all directions", k);
   const ContactNetwork<D> network = contact_network<D>(system, at, contact_threshold);
   if (network.backbone == 0)
     throw NumericalError("all {} particles are rattlers, and the packing has no stiffness; compress it", ids_.size());

@@ -43,13 +43,13 @@ void PackProtocol<D>::make_next() {
   const auto k = static_cast<std::size_t>(this->state().step);
   if (k == 0) this->minimise_energy();
   if (p_.path == PackingPath::decompress) return this->minimise_enthalpy(pressures_[k]);
+  if (p_.path == PackingPath::quench) return;
   const Real pressure = this->stress().pressure();
   if (k == 0) {
-    if (p_.path == PackingPath::compress && pressure > p_.pressure)
+    if (pressure > p_.pressure)
       throw InputError(
           "-path compress with -fraction {:g}: the first packing has the pressure {:.4g}, above -pressure {:g}, so "
-          "that "
-          "there is nothing to compress; give a lower fraction or a higher pressure",
+          "that there is nothing to compress; give a lower fraction or a higher pressure",
           *p_.fraction, pressure, p_.pressure);
     return;
   }
