@@ -209,10 +209,8 @@ Topology make_particles(ModelKind kind, int dim, const std::vector<Real>& diamet
 
 Real usual_skin(ModelKind kind, int dim) {
   const bool deformable = kind == ModelKind::rough || kind == ModelKind::smooth || kind == ModelKind::shape;
-  return dim == 3 && !deformable                 ? 0.2
-         : kind == ModelKind::sp                 ? 0.3
-         : kind == ModelKind::smooth && dim == 2 ? 0.06
-                                                 : 0.1;
+  if (!deformable) return dim == 3 ? 0.2 : kind == ModelKind::sp ? 0.3 : 0.1;
+  return dim == 2 && kind == ModelKind::smooth ? 0.06 : 0.1;
 }
 
 Real outer_radius(const Topology& topology, Index m) {
