@@ -54,7 +54,7 @@ def summary(folder=MEASURED, pattern="*/*.csv.xz"):
 
 def lines(table):
     """The rows of the table in Markdown."""
-    return ["| table | quantity | scatter / error, root mean square | typical | groups | runs |", "|---|---|---|---|---|---|",
+    return ["| MEASURE | quantity | scatter / error, root mean square | typical | groups | runs |", "|---|---|---|---|---|---|",
             *(f"| `{r.kind}` | `{r.quantity}` | {r.mean:.2f} | {r.typical:.2f} | {r.groups} | {r.runs} |" for r in table.itertuples())]
 
 
