@@ -49,7 +49,7 @@ std::vector<OptionCure> cures_of(Role role) {
 
 }  // namespace
 
-void ModelChoice::bind(Options& options, const UnitSystem& units) {
+void ModelChoice::bind(Options& options, const UnitSystem& units, bool any_dimension) {
   const std::string group = "Model";
   options.group(group);
   if (models_.size() > 1) {
@@ -63,7 +63,7 @@ void ModelChoice::bind(Options& options, const UnitSystem& units) {
   }
   const auto bind_all = [&](const std::optional<std::string>& model) {
     for (ParameterTable::Entry& entry : table_.entries())
-      if (!kept(entry) && owner(entry) == model) bind(options, entry, units);
+      if (!kept(entry) && owner(entry) == model) bind(options, entry, units, any_dimension);
   };
   bind_all(std::nullopt);
   for (const ModelDefinition& model : models_)
@@ -80,13 +80,13 @@ std::optional<std::string> ModelChoice::owner(const ParameterTable::Entry& entry
   return std::nullopt;
 }
 
-void ModelChoice::bind(Options& options, ParameterTable::Entry& entry, const UnitSystem& units) {
+void ModelChoice::bind(Options& options, ParameterTable::Entry& entry, const UnitSystem& units, bool any_dimension) {
   const std::vector<std::string> names = readers(entry);
   OptionSpec spec{.help = entry.help_text(),
                   .unit = entry.unit_text(units),
                   .symbol = entry.symbol,
                   .models = names,
-                  .only_with = names.size() < models_.size() ? fmt::format("-model {}", alternatives(names)) : "",
+                  .only_with = condition(entry, any_dimension),
                   .term = [this, &entry] { return entry.term_of(name, table_.dimension()); },
                   .cures = cures_of(entry.role),
                   .on_restart = OnRestart::fixed};
@@ -119,6 +119,15 @@ std::vector<std::string> ModelChoice::readers(const ParameterTable::Entry& entry
   for (const ModelDefinition& model : models_)
     if (entry.read_by(model.name)) names.push_back(model.name);
   return names;
+}
+
+/// The models and, if the scenario exists in 2D and 3D, the dimensions that read it; empty if all do.
+std::string ModelChoice::condition(const ParameterTable::Entry& entry, bool any_dimension) const {
+  const std::vector<std::string> names = readers(entry);
+  std::string text = names.size() < models_.size() ? fmt::format("-model {}", alternatives(names)) : "";
+  if (any_dimension && entry.exists_in(2) != entry.exists_in(3))
+    text += fmt::format("{}{}D", text.empty() ? "" : ", ", entry.exists_in(2) ? 2 : 3);
+  return text;
 }
 
 void ModelChoice::refuse_unread(const Options& options, std::string_view but) const {

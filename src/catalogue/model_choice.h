@@ -37,8 +37,8 @@ class ModelChoice {
   }
 
   /// -model, if there are several, and the parameters of all models, in the group "Model"; parameters of models that
-  /// are not in the catalogue have separate groups.
-  void bind(Options& options, const UnitSystem& units);
+  /// are not in the catalogue have separate groups. any_dimension: the scenario exists in 2D and 3D.
+  void bind(Options& options, const UnitSystem& units, bool any_dimension = false);
   /// Call after `resolve`. Errors: InputError for an option that the user has given though the model does not read it
   /// in the dimensions of the run. but: parameters of this term are read by the scenario.
   void refuse_unread(const Options& options, std::string_view but = {}) const;
@@ -85,13 +85,14 @@ class ModelChoice {
   const ParameterTable& table() const { return table_; }
 
  private:
-  void bind(Options& options, ParameterTable::Entry& entry, const UnitSystem& units);
+  void bind(Options& options, ParameterTable::Entry& entry, const UnitSystem& units, bool any_dimension);
   bool kept(const ParameterTable::Entry& entry) const;
   static bool in_catalogue(const ModelDefinition& model) { return to_string(model.particles) == model.name; }
   /// The only model that reads a parameter, if it is a model of a user program; else nothing.
   std::optional<std::string> owner(const ParameterTable::Entry& entry) const;
   /// Names of the models that read it.
   std::vector<std::string> readers(const ParameterTable::Entry& entry) const;
+  std::string condition(const ParameterTable::Entry& entry, bool any_dimension) const;
 
   std::vector<ModelDefinition> models_;
   ParameterTable table_;

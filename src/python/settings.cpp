@@ -94,7 +94,7 @@ void Settings::bind() {
                {{"assembled", JacobianKind::assembled}, {"matrix_free", JacobianKind::matrix_free}},
                {.help = "Jacobian of an implicit method: sparse matrix, or matrix-free products"});
   options.bind("dt", dt,
-               {.help = "step of velocity Verlet, first step of an adaptive method",
+               {.help = "fixed step, or first step of an adaptive method",
                 .unit = "t0",
                 .min = 0,
                 .min_open = true,

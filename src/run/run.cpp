@@ -161,8 +161,10 @@ template <int D>
 void Run<D>::check_step() const {
   const Real dt = integrator().next_dt(), end = protocol_->last_time(), critical = protocol_->critical_step(),
              ratio = dt / critical;
-  if (!restarted() && end > 0 && dt > end && (integrator().explicit_fixed_step() || options_.given("dt")))
-    throw InputError("-dt {:g} is longer than the run, {}; shorten the step or give a later end", dt, end_text());
+  const bool given = options_.declared("dt") && options_.given("dt");
+  const std::string_view step = given ? "-dt" : "the step";
+  if (!restarted() && end > 0 && dt > end && (given || integrator().explicit_fixed_step()))
+    throw InputError("{} {:g} is longer than the run, {}; give a shorter -dt or a later end", step, dt, end_text());
   if (const Real least = integrator().shortest_controlled_step(); least > critical && !p_.allow_unstable_dt)
     throw InputError(
         "-ts_adapt_dt_min {:g} is {:.3g} times the limit of stability, {:.3g} {}: it keeps error control from making "
@@ -176,14 +178,15 @@ void Run<D>::check_step() const {
         integrator().name(), cures({Cure::verlet, Cure::drag}));
   if (ratio > 1 && !p_.allow_unstable_dt)
     throw InputError(
-        "-dt {:g} is {:.3g} times the limit of stability, {:.3g} {}: a dense packing would gain energy; shorten the "
-        "step, leave it out, or override with -allow_unstable_dt",
-        dt, ratio, critical, protocol_->unit_of_time());
+        "{} {:g} is {:.3g} times the limit of stability, {:.3g} {}: a dense packing would gain energy; {}, or override "
+        "with -allow_unstable_dt",
+        step, dt, ratio, critical, protocol_->unit_of_time(),
+        given ? "shorten it or leave it out" : "give a shorter -dt");
   if (above(ratio, protocol_->safe_part()) && ranks_.root())
     warn(
-        "-dt {:g} is {:.2f} of the limit of stability, {:.3g} {}: above {:g} opening and closing contacts add energy; "
+        "{} {:g} is {:.2f} of the limit of stability, {:.3g} {}: above {:g} opening and closing contacts add energy; "
         "compare with half the step",
-        dt, ratio, critical, protocol_->unit_of_time(), protocol_->safe_part());
+        step, dt, ratio, critical, protocol_->unit_of_time(), protocol_->safe_part());
 }
 
 template <int D>

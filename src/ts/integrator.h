@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include <pliant/model/force_field.h>
 #include <pliant/model/state.h>
 #include <pliant/system/equation.h>
 #include <pliant/ts/stability.h>
@@ -64,5 +65,13 @@ class Integrator {
   virtual std::span<const Real> carried() const { return {}; }
   virtual void set_carried(std::span<const Real> /*values*/) {}
 };
+
+/// The fastest translation and rotation of a dense packing; drag in 1/t0.
+std::vector<FastestRates> fastest_motions(const CriticalStep& critical, Real drag = 0);
+/// The longest step at which a method is stable for all these motions.
+Real longest_stable_step(const Integrator& method, std::span<const FastestRates> motions);
+/// The usual step of a scenario, shortened for a method of fixed steps to the safe part of its longest stable step.
+/// Unchanged if no step is stable.
+Real standard_step(const Integrator& method, std::span<const FastestRates> motions, Real usual);
 
 }  // namespace pliant

@@ -40,7 +40,7 @@ OPTIONS = {
     "step_too_long_for_ts": (["-integrator", "ts", "-ts_type", "euler", "-dt", "7e-3"], ["-dt 0.007 is 5.27e+03 times"]),
     "step_longer_than_the_run": (["-dt", "1e300"], ["-dt 1e+300 is longer than the run, -t_end 6"]),
     "first_step_longer_than_the_run": (["-integrator", "ts", "-dt", "7"], ["-dt 7 is longer than the run"]),
-    "run_shorter_than_the_step": (["-t_end", "1e-4"], ["-dt 0.001 is longer than the run, -t_end 0.0001"]),
+    "run_shorter_than_the_step": (["-t_end", "1e-4"], ["the step 0.001 is longer than the run, -t_end 0.0001; give a shorter -dt"]),
     "unknown_ts_type": (["-integrator", "ts", "-ts_type", "rkk"], ["-ts_type rkk"]),
     "other_ts_type": (["-integrator", "ts", "-ts_type", "pseudo"], ["-ts_type pseudo"]),
     "overdamped_verlet": (["-dynamics", "overdamped"], ["-dynamics overdamped", "-integrator ts"]),

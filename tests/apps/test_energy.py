@@ -28,6 +28,16 @@ def test_methods_without_a_stable_step(method, tmp_path):
         assert limited.returncode == 2 and "times the limit of stability" in limited.stderr
 
 
+@pytest.mark.parametrize("method", [{"ts_type": "ssp"}, {"ts_type": "rk", "ts_rk_type": "2b", "ts_adapt_type": "none"}])
+def test_the_default_step_is_stable_for_the_method(method, tmp_path):
+    """Velocity Verlet would allow a longer step."""
+    options = {"n": 50, "hopper_wall_distance": 8, "integrator": "ts", **method}
+    result = pliant("hopper", output=tmp_path / "run", **options, t_end=0.01)
+    assert result.returncode == 0 and "dt/dt_critical = 0.70" in result.stdout, result.stderr
+    longer = pliant("hopper", output=tmp_path / "longer", **options, t_end=0.01, dt=1e-3)
+    assert longer.returncode == 2 and "shorten it or leave it out" in longer.stderr
+
+
 def test_energy_that_a_method_makes(tmp_path):
     made = pliant("hopper", output=tmp_path / "made", **CLOSED, zeta=0, dt=5e-4, ts_type="euler", allow_unstable_dt="yes")
     assert made.returncode == 3 and "energy is not conserved" in made.stderr, made.stderr

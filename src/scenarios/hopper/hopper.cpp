@@ -101,7 +101,10 @@ class HopperProtocol final : public Protocol<D> {
   }
   std::string model() const override { return p_.model.name; }
   Real last_time() const override { return *p_.t_end; }
-  Real first_dt() const override { return steps_.dt; }
+  Real first_dt() const override {
+    if (p_.dt || p_.integrator == IntegratorKind::verlet) return steps_.dt;
+    return standard_step(TsIntegrator({.implicit = p_.implicit}, MPI_COMM_SELF), steps_.motions, steps_.dt);
+  }
   Real critical_step() const override { return critical_step_; }
   std::optional<Real> fixed_skin() const override { return p_.skin; }
 
@@ -121,9 +124,7 @@ class HopperProtocol final : public Protocol<D> {
     }
     // Of an implicit method, or one whose error is controlled where no step is stable, the time scale of Verlet
     // remains.
-    Real stable = std::numeric_limits<Real>::infinity();
-    for (const FastestRates& motion : steps_.motions)
-      stable = std::min(stable, integrator->longest_stable_step(motion));
+    const Real stable = longest_stable_step(*integrator, steps_.motions);
     if (integrator->explicit_fixed_step() || (std::isfinite(stable) && stable > 0)) critical_step_ = stable;
     if constexpr (D == 2)
       if (p_.has_barrier())

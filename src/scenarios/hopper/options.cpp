@@ -42,7 +42,7 @@ HopperOptions::HopperOptions(const std::vector<ModelDefinition>& own) : model(mo
 void HopperOptions::bind(Options& o) {
   constexpr auto fixed = OnRestart::fixed;
   explain_gravitational_units(o);
-  model.bind(o, UnitSystem::gravitational());
+  model.bind(o, UnitSystem::gravitational(), true);
   o.bind("dim", dim,
          {.help = "dimension; 3 for sp, disk, and rough and smooth (closed surfaces)",
           .min = 2,
@@ -158,7 +158,7 @@ void HopperOptions::bind(Options& o) {
   o.bind("jacobian", jacobian, {{"assembled", JacobianKind::assembled}, {"matrix_free", JacobianKind::matrix_free}},
          {.help = "Jacobian of an implicit -ts_type: sparse matrix, or matrix-free products", .on_restart = fixed});
   o.bind("dt", dt,
-         {.help = "step of velocity Verlet, first step of an adaptive method",
+         {.help = "fixed step, or first step of an adaptive method",
           .unit = "t0",
           .min = 0,
           .min_open = true,

@@ -8,6 +8,7 @@
 #include <pliant/model/drag.h>
 #include <pliant/model/edge_contact.h>
 #include <pliant/model/wall_contact.h>
+#include <pliant/ts/integrator.h>
 
 namespace pliant {
 
@@ -27,8 +28,7 @@ HopperSteps hopper_steps(const HopperOptions& p, const Topology& all, const Forc
       std::min({1e-3, p.elastic_fraction(critical.elastic, lightest) * critical.elastic, 0.5 * critical.damping})));
   // Drag on positions does not damp some oscillations of particles with spins.
   const Real drag = field.rotates() ? 0 : p.drag() / heaviest;
-  for (const Rates& r : {critical.crowded.translation, critical.crowded.rotation})
-    steps.motions.push_back({.oscillation = std::sqrt(r.stiffness), .drag = drag, .decay = r.damping});
+  steps.motions = fastest_motions(critical, drag);
   const Real one_contact = critical.elastic * critical.elastic * p.drag() / (2 * heaviest);
   if (p.dynamics == Dynamics::overdamped) {
     // Springs k relax at the rate k/ζ; for one contact, k/m = (2/dt)².

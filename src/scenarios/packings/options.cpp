@@ -43,7 +43,7 @@ void PackingOptions::bind_particles(Options& o) {
   o.explain_units({{"sigma_avg", "sigma_avg, the mean diameter, is the unit of length: leave it out"},
                    {"sigma", "sigma_avg, the mean diameter, is the unit of length: leave it out"},
                    {"eps", "eps is the unit of energy, in which contact energies are given: leave it out"}});
-  model.bind(o, UnitSystem::static_packings());
+  model.bind(o, UnitSystem::static_packings(), true);
   o.bind("dim", dim,
          {.help = "dimension; 3 for sp and bubble",
           .min = 2,
@@ -245,7 +245,7 @@ void ShearOptions::bind(Options& o) {
           .cures = {{Cure::verlet, "verlet"}, {Cure::ts, "ts"}},
           .on_restart = fixed});
   o.bind("dt", dt,
-         {.help = "-shear_rate: step of velocity Verlet, first step of an adaptive method",
+         {.help = "-shear_rate: fixed step, or first step of an adaptive method",
           .unit = "t0",
           .min = 0,
           .min_open = true,

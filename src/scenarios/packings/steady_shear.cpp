@@ -47,6 +47,8 @@ SteadyShear<D>::SteadyShear(const ShearOptions& p, const Ranks& ranks)
     : Protocol<D>(make_simulation<D>(p, ranks)), p_(p) {
   critical_ = this->particles().field().critical_step(this->simulation().all());
   dt_ = p.dt.value_or(critical_.standard(std::min(0.2 * critical_.elastic, 0.5 * critical_.damping)));
+  if (!p.dt && p.integrator != ShearIntegrator::verlet)
+    dt_ = standard_step(TsIntegrator({}, MPI_COMM_SELF), fastest_motions(critical_), dt_);
 }
 
 template <int D>
@@ -63,11 +65,7 @@ std::unique_ptr<Integrator> SteadyShear<D>::make_integrator(Real dt) {
   } else {
     integrator = std::make_unique<TsIntegrator>(TsOptions{.dt = dt}, this->ranks().comm());
   }
-  Real stable = std::numeric_limits<Real>::infinity();
-  for (const Rates& r : {critical_.crowded.translation, critical_.crowded.rotation})
-    stable = std::min(stable, integrator->longest_stable_step(
-                                  {.oscillation = std::sqrt(r.stiffness), .drag = 0, .decay = r.damping}));
-  critical_step_ = stable;
+  critical_step_ = longest_stable_step(*integrator, fastest_motions(critical_));
   return integrator;
 }
 

@@ -32,7 +32,7 @@ void bind_shape(Options& options, PolygonShape& shape) {
   constexpr auto fixed = OnRestart::fixed;
   const bool by_dimension = shape.vertices == 0;
   options.bind("n_vertices", shape.vertices,
-               {.help = by_dimension ? "vertices of a deformable particle; 0: 16 in 2D, 42 in 3D (12, 42, 162 or 642)"
+               {.help = by_dimension ? "vertices of a deformable particle; 0: 16 in 2D, 42 in 3D (3D: 12, 42, 162, 642)"
                                      : "vertices of a deformable particle",
                 .min = by_dimension ? 0.0 : 3.0,
                 .max = 10000,

@@ -25,7 +25,7 @@ VibrateOptions::VibrateOptions() : model(models_in_container()) {}
 void VibrateOptions::bind(Options& o) {
   constexpr auto fixed = OnRestart::fixed;
   explain_gravitational_units(o);
-  model.bind(o, UnitSystem::gravitational());
+  model.bind(o, UnitSystem::gravitational(), true);
   o.bind("dim", dim,
          {.help = "dimension; 3 for disk (spheres) and sp",
           .min = 2,

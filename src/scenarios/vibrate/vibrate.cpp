@@ -104,8 +104,9 @@ class VibrateProtocol final : public Protocol<D> {
   std::string end_at_last_time() const override { return "cycles"; }
   /// An integer fraction of the time between samples, so that these are at the same phases of all cycles.
   Real first_dt() const override {
-    const Real longest =
-        p_.dt.value_or(critical_.standard(std::min(0.05 * critical_.elastic, 0.25 * critical_.damping)));
+    Real longest = p_.dt.value_or(critical_.standard(std::min(0.05 * critical_.elastic, 0.25 * critical_.damping)));
+    if (!p_.dt && p_.integrator != VibrateIntegrator::verlet)
+      longest = standard_step(TsIntegrator({}, MPI_COMM_SELF), fastest_motions(critical_), longest);
     return p_.sample_interval / std::ceil(p_.sample_interval / longest * (1 - 1e-12));
   }
   Real critical_step() const override { return critical_step_; }
@@ -119,11 +120,7 @@ class VibrateProtocol final : public Protocol<D> {
       if (ts->needs_jacobian()) particles().check_derivatives();  // before there is a folder
       integrator = std::move(ts);
     }
-    Real stable = std::numeric_limits<Real>::infinity();
-    for (const Rates& r : {critical_.crowded.translation, critical_.crowded.rotation})
-      stable = std::min(stable, integrator->longest_stable_step(
-                                    {.oscillation = std::sqrt(r.stiffness), .drag = 0, .decay = r.damping}));
-    critical_step_ = stable;
+    critical_step_ = longest_stable_step(*integrator, fastest_motions(critical_));
     return integrator;
   }
   RunGeometry geometry() const override {
