@@ -77,7 +77,7 @@ class _Fixed:
             super().__setattr__(name, value)
             return
         kind = "a method" if callable(known) else "no attribute that can be set"
-        raise AttributeError(f"{name} is {kind} of {type(self).__name__}; {self._cure.format(name=name)}")
+        raise AttributeError(f"{name} is {kind} of {type(self).__name__}; {self._cure}")
 
 
 _OPTION = re.compile(r"(?<![^\s('])-(?!inf\b|nan\b|help\b)([A-Za-z]\w*)")
@@ -422,7 +422,7 @@ class Simulation(_Fixed):
     #: A function (positions, velocities, t) → forces [points, D] that acts in addition to the model; None: none does.
     force: Callable[[np.ndarray, np.ndarray, float], ArrayLike] | None = None
     _free = ("force",)
-    _cure = "parameters change by sim.set({name}=…), gravity, sizes and masses by another Simulation"
+    _cure = "sim.set changes parameters of the model; other gravity, sizes or masses need another Simulation"
 
     @_as_keywords
     def __init__(self, positions: ArrayLike | None = None, diameters: ArrayLike | None = None, *,

@@ -178,7 +178,7 @@ void Run<D>::check_step() const {
         integrator().name(), cures({Cure::verlet, Cure::drag}));
   if (ratio > 1 && !p_.allow_unstable_dt)
     throw InputError(
-        "{} {:g} is {:.3g} times the limit of stability, {:.3g} {}: a dense packing would gain energy; {}, or override "
+        "{} {:g} is {:.3g} times the limit of stability, {:.3g} {}: a dense packing would be unstable; {}, or override "
         "with -allow_unstable_dt",
         step, dt, ratio, critical, protocol_->unit_of_time(),
         given ? "shorten it or leave it out" : "give a shorter -dt");

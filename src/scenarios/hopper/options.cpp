@@ -103,7 +103,7 @@ void HopperOptions::bind(Options& o) {
           .on_restart = fixed,
           .read = read_outline});
   o.bind("obstacle", obstacle,
-         {.help = "obstacles: disk:x,y,r or polygon:FILE, several separated by commas",
+         {.help = "obstacles: disk:x,y,r, polygon:FILE or polygon:x,y,x,y,…; commas between several",
           .cures = {Cure::wider_obstacles},
           .on_restart = fixed,
           .read = read_obstacles});

@@ -75,7 +75,8 @@ std::vector<std::pair<std::string, std::string>> items(const std::string& text) 
     const std::string kind = text.substr(at, colon == text.npos ? text.npos : colon - at);
     if (kind != "disk" && kind != "polygon")
       throw InputError(
-          "-obstacle: \"{}\" is not an obstacle; write disk:x,y,r or polygon:FILE, with a comma between several",
+          "-obstacle: \"{}\" is not an obstacle; write disk:x,y,r, polygon:FILE or polygon:x,y,x,y,…, with a comma "
+          "between several",
           printable(text.substr(at)));
     std::size_t end = text.size();
     for (const char* next : {"disk:", "polygon:"})
@@ -89,7 +90,7 @@ std::vector<std::pair<std::string, std::string>> items(const std::string& text) 
     all.emplace_back(kind, value);
     at = end < text.size() ? end : text.npos;
   }
-  if (all.empty()) throw InputError("-obstacle: is empty; write disk:x,y,r or polygon:FILE");
+  if (all.empty()) throw InputError("-obstacle: is empty; write disk:x,y,r, polygon:FILE or polygon:x,y,x,y,…");
   return all;
 }
 
@@ -166,7 +167,7 @@ std::vector<Obstacle> parse_obstacles(const std::string& all, int dim) {
     const auto refuse = [&, &kind = kind, &value = value](const std::string& why) {
       throw InputError("-obstacle {}:{}: {}", kind, printable(value), why);
     };
-    if (!values) refuse("not numbers; write disk:x,y,r or polygon:FILE");
+    if (!values) refuse("not numbers; write disk:x,y,r, polygon:FILE or polygon:x,y,x,y,…");
     Obstacle o;
     if (kind == "disk") {
       if (values->size() != 3) refuse("a disk has three numbers: x,y,r");

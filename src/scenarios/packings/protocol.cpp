@@ -336,7 +336,7 @@ void PackingProtocol<D>::conclude(nlohmann::ordered_json& s) {
 
 template <int D>
 void PackingProtocol<D>::report(const Series&, nlohmann::ordered_json& s) {
-  say("fraction {:.6g} at the pressure {:.4g} eps/sigma_avg^{}; {} contacts{}, {} of {} particles are rattlers\n",
+  say("fraction {:.6g} at the pressure {:.4g} eps/sigma_avg^{}; {} contacts{}, rattlers: {} of {} particles\n",
       Real(s["fraction"]), Real(s["pressure"]), D, network_.contacts,
       p_.model.deformable() ? "" : fmt::format(" (isostatic: {})", network_.isostatic()), network_.rattlers.size(),
       p_.particles);
