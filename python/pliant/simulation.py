@@ -12,6 +12,7 @@ about 1 they equal the units of the program, and the defaults of the parameters 
 from __future__ import annotations
 
 import functools
+import inspect
 import json
 import numbers
 import os
@@ -77,7 +78,10 @@ class _Fixed:
             super().__setattr__(name, value)
             return
         kind = "a method" if callable(known) else "no attribute that can be set"
-        raise AttributeError(f"{name} is {kind} of {type(self).__name__}; {self._cure}")
+        raise AttributeError(f"{name} is {kind} of {type(self).__name__}; {self._cure_of(name)}")
+
+    def _cure_of(self, name):
+        return self._cure
 
 
 _OPTION = re.compile(r"(?<![^\s('])-(?!inf\b|nan\b|help\b)([A-Za-z]\w*)")
@@ -422,7 +426,11 @@ class Simulation(_Fixed):
     #: A function (positions, velocities, t) → forces [points, D] that acts in addition to the model; None: none does.
     force: Callable[[np.ndarray, np.ndarray, float], ArrayLike] | None = None
     _free = ("force",)
-    _cure = "sim.set changes parameters of the model; other gravity, sizes or masses need another Simulation"
+
+    def _cure_of(self, name):
+        if name in inspect.signature(Simulation).parameters:
+            return f"for another {name} make another Simulation"
+        return f"parameters of the model change by sim.set({name}=…)"
 
     @_as_keywords
     def __init__(self, positions: ArrayLike | None = None, diameters: ArrayLike | None = None, *,

@@ -17,12 +17,17 @@ ONE = {"positions": [[0.0, 0.0]], "diameters": 1.0, "model": "sp"}
 
 # --- Attributes and copies
 
-@pytest.mark.parametrize("name", ["gravity", "mu_disk", "zeta", "e_sp", "time", "velocity"])
+@pytest.mark.parametrize("name", ["mu_disk", "zeta", "e_sp", "time", "velocity"])
 def test_attributes_that_do_not_exist_name_set(name):
     sim = Simulation(**ONE)
     with pytest.raises(AttributeError, match=rf"{name} is no attribute .*sim.set\({name}=…\)"):
         setattr(sim, name, 1)
     assert not hasattr(sim, name)
+
+
+def test_attributes_that_need_another_simulation():
+    with pytest.raises(AttributeError, match="for another gravity make another Simulation"):
+        Simulation(**ONE).gravity = (0, -2)
 
 
 def test_methods_and_read_only_attributes_cannot_be_set():
