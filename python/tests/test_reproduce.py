@@ -867,6 +867,12 @@ def test_a_single_difference_that_is_two_is_refused(tmp_path, name, lines, refus
     assert "changes one option" in str(raised.value) and ", line " in str(raised.value)
 
 
+def test_a_reading_in_a_file_of_options_is_refused(tmp_path):
+    tables = own_table(tmp_path, "mu,hopper_width,options_file", ("31.6227766,4,as_run.yaml",))
+    with pytest.raises(PliantError, match="line 2: has options in as_run.yaml"):
+        figure.check_rows(command.FIGURES["readings"], tables)
+
+
 def test_the_command_refuses_a_single_difference_that_is_two(call, tmp_path):
     (tmp_path / "two.csv").write_text(SINGLE["readings"] + ",seeds\n31.6227766,,100,,,,,4,1-2\n31.6227766,,100,tangential,linear,,,4,1-2\n", encoding="utf-8")
     assert "two.csv, line 3" in call("readings", "--table", tmp_path / "two.csv", code=2)

@@ -110,7 +110,7 @@ def _of_one_model(rows):
     groups = {}
     for path, row in rows:
         own = COEFFICIENT.get(end := limit_of(row.options))
-        if not own or "options_file" in row.options:
+        if not own:
             continue
         kept = {name: _number(value) for name, value in row.options.items()
                 if name not in (*FREE, *_NOT_ACTING[end], "hopper_width")}
@@ -131,7 +131,12 @@ def _of_one_model(rows):
 def check_single(rows):
     """Raises RunError for a reading that differs in several options from the model as printed, or as run, unless
     another reading lies between the two and differs from the reading in one option only: otherwise the effect of
-    several options would be attributed to one. `rows`: [(path, Row)]."""
+    several options would be attributed to one; or for a row with a file of options, which is not read here. `rows`:
+    [(path, Row)]."""
+    for path, row in rows:
+        if "options_file" in row.options:
+            raise RunError(f"{path}, line {row.line}: has options in {row.options['options_file']}, but this figure compares rows option "
+                           "by option: give the options in columns")
     for (model, dim, *_, end), readings in _of_one_model(rows).items():
         models = MODELS[int(dim or 2)] if model in (None, "sp") else MODELS_DEFORMABLE
         shared = {*_SIZE, "e_c", "e_w"} - set().union(*(one.keys() for *_, one in readings))
