@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Damages the files of a small run in many ways, one at a time, and checks that nothing wrong comes of it.
 
-  scripts/flip_bits.py [--program FILE] [--frames NAME] [--stride N] [--whole] [PART …]
+  scripts/flip_bits.py [--program FILE] [--frames NAME] [--file NAME] [--stride N] [--whole] [PART …]
 
 Parts (default: all):
   reader      run.h5 and summary.json, read by python/pliant: all data as they were, or RunError
@@ -37,7 +37,8 @@ from pliant.sweep import sweep_table  # noqa: E402
 
 CUT, ZEROS = "cut", "zeros"
 SECTOR = 512  # bytes
-PARTS = ("reader", "restart", "checkpoint")
+#: The files that a part damages.
+PARTS = {"reader": ("run.h5", "summary.json"), "restart": ("run.h5",), "checkpoint": ("checkpoint-a.h5", "checkpoint-b.h5")}
 # Few particles, so that most bytes belong to the format.
 OPTIONS = {"n": 12, "hopper_wall_distance": 5, "hopper_width": 3, "zeta": 0.3, "mu": 0.5, "pack_fraction": 0.7,
            "frame_interval": 0.5, "sample_interval": 0.1}
@@ -242,12 +243,10 @@ def check_program(program, run, name, chosen, until=float("inf")):
 GOOD = ("same", "same, with a warning", "refused")
 
 
-def check(part, program, run, stride, whole, seconds):
+def check(part, files, program, run, stride, whole, seconds):
     """[(file, byte, how, verdict)] of a part; of the program's, each file for so many seconds at most."""
-    names = {"reader": ("run.h5", "summary.json"), "restart": ("run.h5",),
-             "checkpoint": ("checkpoint-a.h5", "checkpoint-b.h5")}[part]
     found = []
-    for name in names:
+    for name in files:
         chosen = flips((run / name).stat().st_size, stride, whole)
         judged = check_reader(run, name, chosen, progress=True) if part == "reader" else \
             check_program(program, run, name, random.Random(1).sample(chosen, len(chosen)), time.monotonic() + seconds)
@@ -261,6 +260,7 @@ def main():
     parser.add_argument("--program", default=str(ROOT / "build/apps/pliant"), help="default: that of the build")
     parser.add_argument("--frames", choices=FRAMES, default="whole",
                         help="small: chosen fields, single precision and compressed (default: whole)")
+    parser.add_argument("--file", metavar="NAME", help="damage this file only, such as summary.json (default: all of the parts)")
     parser.add_argument("--stride", type=int, default=1, metavar="N", help="change every N-th byte (default: each)")
     parser.add_argument("--whole", action="store_true", help="all bits of every byte")
     parser.add_argument("--seconds", type=float, default=float("inf"), metavar="X",
@@ -268,11 +268,14 @@ def main():
     given = parser.parse_args()
     if given.stride < 1 or not set(given.parts) <= set(PARTS):
         parser.error(f"--stride must be positive, and parts are {', '.join(PARTS)}")
+    chosen = {part: [name for name in PARTS[part] if given.file in (None, name)] for part in given.parts or PARTS}
+    if not any(chosen.values()):
+        parser.error(f"--file: no part of {', '.join(chosen)} damages {given.file}")
     bad = 0
     with tempfile.TemporaryDirectory(prefix="pliant-flips-") as scratch:
         run = make_run(given.program, Path(scratch) / "run", given.frames)
-        for part in given.parts or PARTS:
-            found = check(part, given.program, run, given.stride, given.whole, given.seconds)
+        for part, files in chosen.items():
+            found = check(part, files, given.program, run, given.stride, given.whole, given.seconds)
             for name in dict.fromkeys(name for name, *_ in found):
                 counts = Counter(verdict for file, *_, verdict in found if file == name)
                 good = ", ".join(f"{counts[verdict]} {verdict}" for verdict in GOOD if counts[verdict])

@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import struct
+import subprocess
 import sys
 from pathlib import Path
 
@@ -94,6 +95,13 @@ def test_the_checks_find_what_is_wrong(made, monkeypatch):
     truth = whole(made)
     monkeypatch.setattr(flip_bits, "everything", lambda folder: truth | {"series": ""})
     assert flip_bits.judge(made, truth) == "other values: series"
+
+
+def test_one_file_can_be_chosen():
+    """A name that no part damages is refused, instead of no change without a finding."""
+    for part in ("reader", "restart"):
+        done = subprocess.run([flip_bits.__file__, "--file", "checkpoint-a.h5", part], capture_output=True, encoding="utf-8", timeout=60)
+        assert done.returncode == 2 and f"no part of {part} damages checkpoint-a.h5" in done.stderr
 
 
 # ---- names that are not files ------------------------------------------------------------------------------------------
