@@ -499,6 +499,21 @@ def test_figure_4_finds_lambda_c(tmp_path):
     assert ["numbers of the program" in label for label in labels] == [False, True]
 
 
+def test_a_curve_with_an_exponent_at_the_bound_of_k_decides_nothing():
+    """The fit to exponents without this bound stands beside it, with a verdict of its own."""
+    def law(lam):
+        C, k, beta = crossing_law(lam)
+        return (C, -2.0, 2.5) if lam == 0 else (C, k, beta)
+    found = drawn("H4", flow_rows(LAMS, law))
+    for name in ("lambda_c, published ends", "lambda_c, free ends", "beta, fitted end (friction)", "beta, fitted end (drag)"):
+        one = found[f"{name}: soft, E_sp = 100"]
+        assert agree(one) in ("no verdict", "no number") and "no verdict on beta at lambda = 0" in one.note, name
+    end, free = (found[f"beta, fitted end (friction){which}: soft, E_sp = 100"] for which in ("", ", k unbounded"))
+    assert free.value > end.value + 0.1 and agree(free) in ("yes", "no")
+    assert "no verdict" not in found["lambda_c, free ends, k unbounded: soft, E_sp = 100"].note
+    assert not any("unbounded" in name for name in drawn("H4", flow_rows(LAMS, crossing_law)))
+
+
 def test_figure_6_compares_angles(tmp_path):
     data = pd.concat([flow_rows(LAMS, lambda lam, c=c: crossing_law(lam, c), hopper_angle=angle, drag_friction_ratio=r,
                                 drag_friction_ratio_error=0.01)

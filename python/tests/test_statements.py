@@ -235,6 +235,13 @@ def test_a_number_or_verdict_that_its_rows_do_not_have_is_a_fault(old, new, mess
     assert message in problems(SENTENCE.replace(old, new), TIES.replace(old, new))
 
 
+def test_a_value_computed_from_an_undecided_row_is_undecided():
+    undecided = ROWS.assign(agree="no verdict")
+    for table, verdict in ((ROWS, "no"), (undecided, "no verdict")):
+        found = evaluate("judged(2 * {beta: soft, N = 800} / Value(2), {beta: soft, N = 800}.published)", "H2 full", Rows(table))
+        assert found[0].agree == verdict
+
+
 @pytest.mark.parametrize("text", ["It holds.", "It is 7.", "As published both agree."])
 def test_a_sentence_with_a_number_or_verdict_needs_a_tag(text):
     assert "no tag" in problems(text)

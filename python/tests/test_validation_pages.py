@@ -96,6 +96,15 @@ def test_fits_with_k_at_its_bound_or_three_widths_have_no_verdict():
     assert len(bound) > 100 and set(bound["agree"]) <= {"no verdict", "no number"}
 
 
+def test_curves_with_an_exponent_at_the_bound_of_k_have_no_verdict():
+    table = reproduced()
+    curve = table["quantity"].str.extract(r"^(from Q'?, )?(?:beta at lambda = [^:]+|(lambda_c, (?:free|published) ends|beta, fitted end \(\w+\))): (.*)$")
+    key = table["figure"] + "|" + table["level"] + "|" + curve[0].fillna("") + curve[2]
+    bound = set(key[table["quantity"].str.contains("beta at lambda") & table["note"].str.contains("k at its bound")])
+    of_curves = table[key.isin(bound) & curve[1].notna()]
+    assert len(bound) > 20 and len(of_curves) >= 4 * len(bound) and set(of_curves["agree"]) == {"no verdict", "no number"}
+
+
 # ---- the tables ------------------------------------------------------------------------------------------------------
 
 ROWS = pd.DataFrame([

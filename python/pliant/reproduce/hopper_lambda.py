@@ -29,32 +29,45 @@ def _exponents(table, by, value="Q"):
     return fits
 
 
+def _unbounded(exponents):
+    """`exponents` with fits without the bound of k in place of those where k is at it."""
+    free = exponents["unbounded_fit"].notna()
+    fits = exponents["fit"].where(~free, exponents["unbounded_fit"])
+    return exponents.assign(fit=fits, beta=[fit.beta for fit in fits], beta_error=[fit.beta_error for fit in fits])
+
+
 def _crossovers(exponents, by, dim, label, known):
-    """[(label, group, fit with the published ends, fit with free ends)] and their quantities. known(key) → Published."""
+    """[(label, group, fit with the published ends, fit with free ends)] and their quantities. known(key) → Published. A curve
+    with an exponent that cannot decide cannot decide either; then a fit to exponents without the bound of k stands beside it."""
     curves, quantities = [], []
     ends = dim - 1.5, dim - 0.5
     for key, group in ensemble.groups(exponents, by):
         name = label(group.iloc[0])
         found = []
-        for kind, held in (("published ends", ends), ("free ends", None)):
+        kinds = [("published ends", ends, group), ("free ends", None, group)]
+        if group["unbounded_fit"].notna().any():
+            kinds.append(("free ends, k unbounded", None, _unbounded(group)))
+        for kind, held, points in kinds:
+            unknown = ", ".join(f"{row.lam:g}" for row in points.itertuples() if not decides(row.fit))
+            remark = f"no verdict on beta at lambda = {unknown}" if unknown else ""
             try:
-                fit = fit_crossover(group["lam"], group["beta"], group["beta_error"], held)
+                fit = fit_crossover(points["lam"], points["beta"], points["beta_error"], held)
             except RunError as error:
                 found.append(None)
                 quantities.append(Quantity(f"lambda_c, {kind}: {name}", np.nan, np.nan, known(key), str(error)))
                 continue
             found.append(fit)
             quantities.append(Quantity(f"lambda_c, {kind}: {name}", fit.lam_c, fit.lam_c_error, known(key),
-                                       "; ".join(filter(None, [fit.note, chi2_note(fit.chi2_reduced)]))))
+                                       "; ".join(filter(None, [fit.note, remark, chi2_note(fit.chi2_reduced)])), not unknown))
             if held is None:
                 for part, limit in (("high", "friction"), ("low", "drag")):
-                    quantities.append(Quantity(f"beta, fitted end ({limit}): {name}", *fitted(fit, part),
-                                               published.exponent(dim, limit), fit.note))
+                    quantities.append(Quantity(f"beta, fitted end ({limit}){kind.removeprefix('free ends')}: {name}", *fitted(fit, part),
+                                               published.exponent(dim, limit), "; ".join(filter(None, [fit.note, remark])), not unknown))
         for row in group.itertuples():
             limit = LIMIT_AT.get(row.lam)
             quantities.append(Quantity(f"beta at lambda = {row.lam:g}: {name}", row.beta, row.beta_error,
                                        published.exponent(dim, limit) if limit else None, row.note, decides(row.fit)))
-        curves.append((name, group, *found))
+        curves.append((name, group, *found[:2]))
     return curves, quantities
 
 

@@ -42,12 +42,15 @@ class Value:
         return Value(float(re.search(re.escape(words) + r" ([\d.e+-]*\d)", self.note)[1]))
 
 
+UNDECIDED = "no verdict"  #: the verdict that a value has, too, if a value decides nothing from which it is computed
+
+
 def _with(operation, relative):
     def apply(a, b):
         a, b = (x if isinstance(x, Value) else Value(x) for x in (a, b))
         value = operation(a.value, b.value)
         error = (abs(value) * np.hypot(a.error / a.value, b.error / b.value) if relative else np.hypot(a.error, b.error))
-        return Value(value, float(error))
+        return Value(value, float(error), UNDECIDED if UNDECIDED in (a.agree, b.agree) else "")
     return apply
 
 
@@ -149,6 +152,12 @@ def _kept(name, column, **where):
     return Value(float(data[column].mean()))
 
 
+def _judged(v, known):
+    if v.agree == UNDECIDED:
+        return UNDECIDED
+    return "yes" if abs(v.value - known.value) <= AGREE * np.hypot(v.error, known.error) else "no"
+
+
 def _change(reference, others):
     return Value(max(abs(one.value - reference.value) for one in others))
 
@@ -167,7 +176,7 @@ FUNCTIONS = {
     "seeds": lambda v: Value(_seeds(v.row["seeds"])),
     "distributions": lambda: Value(len(set(published.DELTA) & _measured("channel/pair.motion", "distribution")
                                        | set(published.DELTA) & _measured("channel/distributions.motion", "distribution"))),
-    "judged": lambda v, known: Value(v.value, v.error, "yes" if abs(v.value - known.value) <= AGREE * np.hypot(v.error, known.error) else "no"),
+    "judged": lambda v, known: Value(v.value, v.error, _judged(v, known)),
     # whether it is so
     "every": lambda verdict, *of: all(v.agree == verdict for v in _values(of)),
     "never": lambda verdict, *of: all(v.agree != verdict for v in _values(of)),
