@@ -210,7 +210,7 @@ struct DiskWallKernel {
     Scatter<D, -1> gradient{f};
     // Parts of an outline that touch without carrying the contact press all the same.
     const auto others = [&](Index e) {
-      if (!s.walls.plain()) contact.add_gradient(s, e, gradient);
+      if (!s.walls.plain()) press(contact, s, e, gradient);
     };
     const Range range = s.neighbours.walls.inside(chunk);
     if constexpr (RangeTerm<Friction, D>)
@@ -221,6 +221,12 @@ struct DiskWallKernel {
   }
 
  private:
+  /// Not compiled into all the places of add_steps that call it.
+  template <int D, class Law>
+  [[gnu::noinline]] static void press(const WallContact<D, Law>& contact, const StateView<D>& s, Index e,
+                                      Scatter<D, -1>& gradient) {
+    contact.add_gradient(s, e, gradient);
+  }
   /// In a step: the forces that count for speed.
   template <int D, class Friction, class Others>
   [[gnu::flatten]] static void add_steps(const StateView<D>& s, Range range, HistoryWorkspace& workspace,

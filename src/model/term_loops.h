@@ -1,5 +1,6 @@
 // The loops over the elements of one term. They are functions of their own, not inlined, so that the compiler makes
-// them once for a term and not once for every model that has the term.
+// them once for a term and not once for every model that has the term; loops that need no term it makes once for a kind
+// of elements.
 #pragma once
 
 #include <algorithm>
@@ -49,6 +50,12 @@ inline constexpr bool depends_on_x = requires(const T term, const StateView<D>& 
   term.add_dforce_dx(s, Index(), h);
 };
 
+/// Whether an energy has second derivatives without pre-stress.
+template <class T, int D>
+inline constexpr bool drops_pre_stress = requires(const T term, const StateView<D>& s, BlockSink<D>& h) {
+  term.add_hessian(s, Index(), h, PreStress::dropped);
+};
+
 /// The elements of a term in a chunk, and those across the border of the chunk.
 template <class T, int D>
 Range inside(const StateView<D>& s, Index chunk) {
@@ -61,6 +68,95 @@ Range across(const StateView<D>& s, Index chunk) {
   else
     return {};
 }
+
+/// The elements of a kind, whatever the term.
+template <int D, Elements E>
+class ElementLoops {
+  using View = StateView<D>;
+  using Kind = ElementKind<E>;
+
+ public:
+  /// Whether an element of a chunk, or across its border, counts there: elements of inactive particles do not, and an
+  /// element across a border counts in one chunk. Lists contain active particles only.
+  static bool counts(const View& s, Index chunk, Index e) {
+    if constexpr (!Kind::listed) return s.topology.active[Kind::particle(s.topology, e)] != 0;
+    if constexpr (Kind::paired)
+      return Kind::inside(s.neighbours, chunk).contains(e) || s.neighbours.points(chunk).contains(counts_at<E>(s, e));
+    return true;
+  }
+
+  /// The elements that have a point in one of these ranges, which are few.
+  [[gnu::noinline]] static void for_each_at(const View& s, std::span<const Range> points,
+                                            const std::function<void(Index)>& visit) {
+    for (Index c = 0; c < s.neighbours.chunks(); ++c) {
+      std::array<Range, 2> parts{Kind::inside(s.neighbours, c)};
+      if constexpr (Kind::paired) parts[1] = (s.neighbours.*Kind::list).across(c);
+      for (const Range part : parts)
+        for (Range some{part.first, part.first}; some.last < part.last; some.first = some.last) {
+          some.last = std::min(part.last, some.first + 64);
+          if (!touches(s, some, points)) continue;
+          for (Index e = some.first; e < some.last; ++e)
+            if (touches(s, {e, e + 1}, points) && counts(s, c, e)) visit(e);
+        }
+    }
+  }
+
+  /// Whether the wall of an element moves.
+  [[gnu::noinline]] static bool wall_moves(const View& s, Index e) {
+    Index wall;
+    if constexpr (E == Elements::lips)
+      wall = s.walls.lips()[s.neighbours.lips[e].first].wall;
+    else
+      wall = s.walls.wall_of_part(s.neighbours.walls[e].second);
+    return !s.walls.motion(s.walls.body_of_wall(wall)).rests();
+  }
+  /// Adds the opposite of the force on an element to its wall: see ForceField::add_wall_forces.
+  [[gnu::noinline]] static void push_wall(const View& s, Index e, const Vec<D>& force, Real* f, Real* on_pivots) {
+    const auto [wall, place] = touched_wall(s, e);
+    point<D>(f, wall) -= force;
+    if (on_pivots == nullptr) return;
+    const Motion<D>& motion = s.walls.motion(s.walls.body_of_wall(wall));
+    add_rotation<D>(on_pivots, wall, torque(Vec<D>(place - motion.pivot - motion.shift(s.t)), Vec<D>(-force)));
+  }
+
+ private:
+  /// Whether one of these elements has a point in one of the ranges. Without branches, for the sake of speed.
+  static bool touches(const View& s, Range elements, std::span<const Range> points) {
+    unsigned found = 0;
+    for (const Range own : points) {
+      const auto first = static_cast<unsigned>(own.first), count = static_cast<unsigned>(own.size());
+      for (Index e = elements.first; e < elements.last; ++e)
+        for (const Index i : points_of(s, e)) found |= static_cast<unsigned>(i) - first < count ? 1U : 0U;
+    }
+    return found != 0;
+  }
+  /// One point of an element that is a particle.
+  static auto points_of(const View& s, Index e) {
+    if constexpr (Kind::listed)
+      return Kind::stencil(s.topology, (s.neighbours.*Kind::list)[e]);
+    else
+      return std::array{E == Elements::particles ? s.topology.offset[e] : e};
+  }
+  /// The wall of an element and where it is touched.
+  static std::pair<Index, Vec<D>> touched_wall(const View& s, Index e) {
+    if constexpr (E == Elements::lips) {
+      const auto [lip, edge] = s.neighbours.lips[e];
+      const Index wall = s.walls.lips()[lip].wall;
+      if constexpr (D == 2) {
+        return {wall, s.walls.lip(lip, s.t)};
+      } else {
+        const auto [a, b] = points_of_edge(s.topology, edge);
+        return {wall, s.walls.lip(lip, s.position(a), s.position(b), s.t)};
+      }
+    } else {
+      const auto [i, part] = s.neighbours.walls[e];
+      Real d;
+      Vec<D> n;
+      s.walls.nearest(s.position(i), part, s.t, d, n);
+      return {s.walls.wall_of_part(part), s.position(i) - d * n};
+    }
+  }
+};
 
 /// Torques in an array of forces, which they follow.
 template <int D>
@@ -85,6 +181,7 @@ struct OwnRows final : BlockSink<D> {
 template <int D, class T>
 class TermLoops {
   using View = StateView<D>;
+  using Of = ElementLoops<D, T::elements>;
   static constexpr bool has_history = HistoryTerm<T, D>, is_energy = EnergyTerm<T, D>;
   static_assert(!(has_history && is_energy));
 
@@ -158,14 +255,8 @@ class TermLoops {
   /// sum + the energy of the elements that have a point in one of these ranges, which are few.
   [[gnu::noinline]] static Real add_energy_of(const T& term, const View& s, std::span<const Range> points, Real sum) {
     with_energies(term, s, [&](auto&& energy) {
-      for (Index c = 0; c < s.neighbours.chunks(); ++c)
-        for (const Range part : {inside<T>(s, c), across<T>(s, c)})
-          for (Range some{part.first, part.first}; some.last < part.last; some.first = some.last) {
-            some.last = std::min(part.last, some.first + 64);
-            if (!touches(s, some, points)) continue;
-            for (Index e = some.first; e < some.last; ++e)
-              if (touches(s, {e, e + 1}, points) && counts(s, c, e)) sum += energy(e);
-          }
+      const auto add = [&](Index e) { sum += energy(e); };
+      Of::for_each_at(s, points, std::ref(add));  // a reference, which allocates no memory
     });
     return sum;
   }
@@ -212,7 +303,7 @@ class TermLoops {
       for (const Range range : {inside<T>(s, chunk), across<T>(s, chunk)})
         for (Index e = range.first; e < range.last; ++e)
           if constexpr (is_energy) {
-            term.add_hessian(s, e, elastic);
+            add_hessian(term, s, e, elastic, PreStress::kept);
           } else {
             term.add_dforce_dv(s, e, damping);
             if constexpr (depends_on_x<T, D>) term.add_dforce_dx(s, e, moved);
@@ -223,17 +314,12 @@ class TermLoops {
   /// cannot be dropped.
   [[gnu::noinline]] static void add_blocks(const T& term, const View& s, BlockSink<D>& h, PreStress pre_stress) {
     require_derivatives(term);
-    if constexpr (is_energy)
-      if (pre_stress == PreStress::dropped) {
-        if constexpr (requires(Index e) { term.add_hessian(s, e, h, pre_stress); })
-          return for_each_element(s, [&](Index e) { term.add_hessian(s, e, h, pre_stress); });
-        else
-          throw InputError("the pre-stress of the term {} cannot be dropped; keep it", term.name());
-      }
+    if (is_energy && !drops_pre_stress<T, D> && pre_stress == PreStress::dropped)
+      throw InputError("the pre-stress of the term {} cannot be dropped; keep it", term.name());
     if constexpr (has_derivatives<T, D>)
       for_each_element(s, [&](Index e) {
         if constexpr (is_energy)
-          term.add_hessian(s, e, h);
+          add_hessian(term, s, e, h, pre_stress);
         else
           term.add_dforce_dv(s, e, h);
       });
@@ -274,13 +360,7 @@ class TermLoops {
     if constexpr (T::elements == Elements::walls || T::elements == Elements::lips) {
       const auto add = [&](auto&& value) {
         for_each_element(s, [&](Index e) {
-          if (which == WallGroup::moving && !wall_moves(s, e)) return;
-          const Vec<D> force = value(e);
-          const auto [wall, place] = touched_wall(s, e);
-          point<D>(f, wall) -= force;
-          if (on_pivots == nullptr) return;
-          const Motion<D>& motion = s.walls.motion(s.walls.body_of_wall(wall));
-          add_rotation<D>(on_pivots, wall, torque(Vec<D>(place - motion.pivot - motion.shift(s.t)), Vec<D>(-force)));
+          if (which == WallGroup::all || Of::wall_moves(s, e)) Of::push_wall(s, e, value(e), f, on_pivots);
         });
       };
       if constexpr (requires { term.force(s, Index()); }) {
@@ -299,6 +379,15 @@ class TermLoops {
   /// A point of each of the two particles of an element.
   static Pair points_of_both(const View& s, Index e) {
     return KindOf<T>::points_of_both((s.neighbours.*KindOf<T>::list)[e]);
+  }
+
+  /// Compiled once for all loops over second derivatives.
+  [[gnu::noinline]] static void add_hessian(const T& term, const View& s, Index e, BlockSink<D>& h,
+                                            PreStress pre_stress) {
+    if constexpr (drops_pre_stress<T, D>)
+      term.add_hessian(s, e, h, pre_stress);
+    else
+      term.add_hessian(s, e, h);
   }
 
   /// visit(energy), where energy(e) is the energy of an element.
@@ -334,70 +423,15 @@ class TermLoops {
     }
   }
 
-  /// Whether an element of a chunk, or across its border, counts there: elements of inactive particles do not, and an
-  /// element across a border counts in one chunk. Lists contain active particles only.
-  static bool counts(const View& s, Index chunk, Index e) {
-    if constexpr (!KindOf<T>::listed) return s.topology.active[KindOf<T>::particle(s.topology, e)] != 0;
-    if constexpr (KindOf<T>::paired)
-      return inside<T>(s, chunk).contains(e) || s.neighbours.points(chunk).contains(counts_at<T::elements>(s, e));
-    return true;
-  }
   template <class Visit>
   static void for_each_element(const View& s, Index chunk, Visit&& visit) {
     for (const Range part : {inside<T>(s, chunk), across<T>(s, chunk)})
       for (Index e = part.first; e < part.last; ++e)
-        if (counts(s, chunk, e)) visit(e);
+        if (Of::counts(s, chunk, e)) visit(e);
   }
   template <class Visit>
   static void for_each_element(const View& s, Visit&& visit) {
     for (Index c = 0; c < s.neighbours.chunks(); ++c) for_each_element(s, c, visit);
-  }
-
-  /// Whether one of these elements has a point in one of the ranges. Without branches, for the sake of speed.
-  static bool touches(const View& s, Range elements, std::span<const Range> points) {
-    unsigned found = 0;
-    for (const Range own : points) {
-      const auto first = static_cast<unsigned>(own.first), count = static_cast<unsigned>(own.size());
-      for (Index e = elements.first; e < elements.last; ++e)
-        for (const Index i : points_of(s, e)) found |= static_cast<unsigned>(i) - first < count ? 1U : 0U;
-    }
-    return found != 0;
-  }
-  /// One point of an element that is a particle.
-  static auto points_of(const View& s, Index e) {
-    if constexpr (KindOf<T>::listed)
-      return KindOf<T>::stencil(s.topology, (s.neighbours.*KindOf<T>::list)[e]);
-    else
-      return std::array{T::elements == Elements::particles ? s.topology.offset[e] : e};
-  }
-
-  /// Whether the wall of an element moves.
-  static bool wall_moves(const View& s, Index e) {
-    Index wall;
-    if constexpr (T::elements == Elements::lips)
-      wall = s.walls.lips()[s.neighbours.lips[e].first].wall;
-    else
-      wall = s.walls.wall_of_part(s.neighbours.walls[e].second);
-    return !s.walls.motion(s.walls.body_of_wall(wall)).rests();
-  }
-  /// The wall of an element and where it is touched.
-  static std::pair<Index, Vec<D>> touched_wall(const View& s, Index e) {
-    if constexpr (T::elements == Elements::lips) {
-      const auto [lip, edge] = s.neighbours.lips[e];
-      const Index wall = s.walls.lips()[lip].wall;
-      if constexpr (D == 2) {
-        return {wall, s.walls.lip(lip, s.t)};
-      } else {
-        const auto [a, b] = points_of_edge(s.topology, edge);
-        return {wall, s.walls.lip(lip, s.position(a), s.position(b), s.t)};
-      }
-    } else {
-      const auto [i, part] = s.neighbours.walls[e];
-      Real d;
-      Vec<D> n;
-      s.walls.nearest(s.position(i), part, s.t, d, n);
-      return {s.walls.wall_of_part(part), s.position(i) - d * n};
-    }
   }
 };
 
