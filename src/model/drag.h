@@ -59,9 +59,11 @@ struct Drag {
     h.add(i, i, block);
   }
   Real max_damping(const Topology& topology) const {
-    return zeta / smallest_over_points(topology, [&](Index i) {
-             return topology.mass(i) * drag_shares<D>(law, topology, topology.particle[i]);
-           });
+    return zeta / smallest_over_points(topology, [&](Index i) { return dragged_mass(topology, i); });
+  }
+  /// γ of the point that drag damps least.
+  Real min_damping(const Topology& topology) const {
+    return zeta * smallest_over_points(topology, [&](Index i) { return 1 / dragged_mass(topology, i); });
   }
 
   /// Velocity of point i relative to the fluid.
@@ -71,6 +73,10 @@ struct Drag {
   }
 
  private:
+  /// Mass of a point and of the points that share ζ with it.
+  Real dragged_mass(const Topology& topology, Index i) const {
+    return topology.mass(i) * drag_shares<D>(law, topology, topology.particle[i]);
+  }
   Real coefficient(const Topology& topology, Index i) const {
     return zeta / drag_shares<D>(law, topology, topology.particle[i]);
   }

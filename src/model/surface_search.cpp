@@ -164,6 +164,7 @@ Real surface_distance(const Surface& first, const Real* x, const Vec<3>& shift, 
     std::vector<Part> found;
     for (const auto& part : parts) {
       Part own;
+      own.r.fill(Vec<3>::Zero());  // an edge has two corners
       std::size_t count = 0;
       for (const Index i : corners(part)) own.bounds.extend(own.r[count++] = at(i));
       if (own.bounds.squaredExteriorDistance(others) < least2) found.push_back(own);

@@ -14,6 +14,7 @@
 #include <pliant/model/drag.h>
 #include <pliant/scenarios/packings/measures.h>
 #include <pliant/scenarios/packings/pack.h>
+#include <pliant/scenarios/particles/motions.h>
 #include <pliant/system/stress.h>
 #include <pliant/ts/ts_integrator.h>
 #include <pliant/ts/verlet.h>
@@ -48,7 +49,7 @@ SteadyShear<D>::SteadyShear(const ShearOptions& p, const Ranks& ranks)
   critical_ = this->particles().field().critical_step(this->simulation().all());
   dt_ = p.dt.value_or(critical_.standard(std::min(0.2 * critical_.elastic, 0.5 * critical_.damping)));
   if (!p.dt && p.integrator != ShearIntegrator::verlet)
-    dt_ = standard_step(TsIntegrator({}, MPI_COMM_SELF), fastest_motions(critical_), dt_);
+    dt_ = standard_step(TsIntegrator({}, MPI_COMM_SELF), motions(), dt_);
 }
 
 template <int D>
@@ -65,8 +66,13 @@ std::unique_ptr<Integrator> SteadyShear<D>::make_integrator(Real dt) {
   } else {
     integrator = std::make_unique<TsIntegrator>(TsOptions{.dt = dt}, this->ranks().comm());
   }
-  critical_step_ = longest_stable_step(*integrator, fastest_motions(critical_));
+  critical_step_ = longest_stable_step(*integrator, motions());
   return integrator;
+}
+
+template <int D>
+std::vector<FastestRates> SteadyShear<D>::motions() const {
+  return motions_of(p_.model, this->particles().field(), this->simulation().all());
 }
 
 template <int D>

@@ -54,6 +54,7 @@ class SteadyShear final : public Protocol<D> {
     Real shear_stress() const { return stress(0, 1) + kinetic(0, 1); }
     Real pressure() const { return -(stress + kinetic).trace() / D; }
   };
+  std::vector<FastestRates> motions() const;
   Measured measure();
   /// A value of the integrals of work and heat.
   void integrate(const Measured& now);

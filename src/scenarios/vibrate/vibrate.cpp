@@ -21,6 +21,7 @@
 #include <pliant/run/memory.h>
 #include <pliant/run/overlap_check.h>
 #include <pliant/run/passage_watch.h>
+#include <pliant/scenarios/particles/motions.h>
 #include <pliant/scenarios/particles/options.h>
 #include <pliant/scenarios/vibrate/options.h>
 #include <pliant/setup/packing.h>
@@ -106,10 +107,13 @@ class VibrateProtocol final : public Protocol<D> {
   Real first_dt() const override {
     Real longest = p_.dt.value_or(critical_.standard(std::min(0.05 * critical_.elastic, 0.25 * critical_.damping)));
     if (!p_.dt && p_.integrator != VibrateIntegrator::verlet)
-      longest = standard_step(TsIntegrator({}, MPI_COMM_SELF), fastest_motions(critical_), longest);
+      longest = standard_step(TsIntegrator({}, MPI_COMM_SELF), motions(), longest);
     return p_.sample_interval / std::ceil(p_.sample_interval / longest * (1 - 1e-12));
   }
   Real critical_step() const override { return critical_step_; }
+  std::vector<FastestRates> motions() const {
+    return motions_of(p_.model, particles().field(), this->simulation().all());
+  }
   std::optional<Real> fixed_skin() const override { return p_.skin; }
   std::unique_ptr<Integrator> make_integrator(Real dt) override {
     std::unique_ptr<Integrator> integrator;
@@ -120,7 +124,7 @@ class VibrateProtocol final : public Protocol<D> {
       if (ts->needs_jacobian()) particles().check_derivatives();  // before there is a folder
       integrator = std::move(ts);
     }
-    critical_step_ = longest_stable_step(*integrator, fastest_motions(critical_));
+    critical_step_ = longest_stable_step(*integrator, motions());
     return integrator;
   }
   RunGeometry geometry() const override {
