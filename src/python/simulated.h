@@ -142,7 +142,7 @@ class Simulated final : public AnySimulation {
   /// Changes up to now, of state, particles, parameters and walls, count as work.
   void settle();
   /// How often the audit evaluates the heat. Few particles may collide between two evaluations, and controlled steps
-  /// are as long as the motion allows.
+  /// are as long as the motion allows. Of 16 points and fewer every step counts, as their heat may change its cause.
   void follow_heat();
   /// After a step with inertia: its work and heat. function: of the run, or null.
   void follow_energy(ForceFunction* function);

@@ -346,10 +346,11 @@ void Simulated<D>::check_walls(Real step) {
 
 template <int D>
 void Simulated<D>::follow_heat() {
-  constexpr std::int64_t always = 16, seldom = 64;  // points up to which every step is checked; steps
+  constexpr std::int64_t always = 16, seldom = 64;  // points up to which every step is sampled; steps
   const bool often = settings_->model.value(Role::kinetic_friction) > 0 || settings_->method == Method::ts;
-  audit_->sample_every(often ? std::clamp<std::int64_t>(simulation_->topology().owned_points() / always, 1, seldom)
-                             : seldom);
+  const std::int64_t at_first =
+      often ? std::clamp<std::int64_t>(simulation_->topology().owned_points() / always, 1, seldom) : seldom;
+  audit_->sample_every(at_first, std::min(at_first * at_first, seldom));
 }
 
 template <int D>

@@ -227,7 +227,7 @@ void EnergyAudit<D>::sample(At at) {
 template <int D>
 std::pair<SampledIntegral, Real> EnergyAudit<D>::until_now() {
   std::pair all{heat_, largest_};
-  if (due(simulation_->state().step)) return all;
+  if (heat_.last_time() == simulation_->state().t) return all;
   const Rates now = rates(At::anywhere);
   all.first.add(simulation_->state().t, now.heat);
   all.second = std::max(largest_, now.kinetic_energy);

@@ -56,6 +56,8 @@ class SampledIntegral {
   Real value() const { return sum_; }
   /// As if neighbouring values were independent: an upper estimate. Unknown, infinite, below 8 values.
   Real error() const;
+  /// Whether the error is below a part of the integral, which is not zero.
+  bool accurate_to(Real part) const { return error() < part * sum_; }
 
   void visit(Archive& archive, const std::string& name);
 
@@ -68,16 +70,18 @@ class SampledIntegral {
 
 /// Computes the energy budget of a simulation. Exact to the order of the method: the energy at both ends, announced
 /// changes of the state (`outside`), the work of walls and the heat of contacts with history, both summed over all
-/// steps. Drag and friction without history are evaluated every `stride` steps: their power costs as much as a force.
-/// With velocity Verlet the power is f(x, p) · v, with f computed from the predicted velocities p: summed over all
-/// steps this is exactly the loss of kinetic energy by these forces, at half steps.
-/// Without inertia work and heat are those that the system integrates with its positions, "work" and "dissipated".
+/// steps. Drag and friction without history are evaluated at an interval of steps: their power costs as much as a
+/// force. With velocity Verlet the power is f(x, p) · v, with f computed from the predicted velocities p: summed over
+/// all steps this is exactly the loss of kinetic energy by these forces, at half steps. Without inertia work and heat
+/// are those that the system integrates with its positions, "work" and "dissipated".
 template <int D>
 class EnergyAudit {
  public:
   explicit EnergyAudit(Simulation<D>& simulation) : simulation_(&simulation) {}
-  /// At least every so many steps the power of the heat is evaluated: where few contacts dissipate, and not always.
-  void sample_every(std::int64_t steps) { longest_stride_ = steps; }
+  /// Steps between two evaluations of the power of the heat: at first, and while the standard error of the heat is
+  /// below `accurate`. Where few contacts dissipate, evaluations at long intervals miss collisions. At most 64 steps,
+  /// or 8 of methods of PETSc.
+  void sample_every(std::int64_t at_first, std::int64_t accurate) { strides_ = {at_first, accurate}; }
   /// The same particles, or others, in another simulation, between disturb() and settle(). The heat of contacts is
   /// there already.
   void move_to(Simulation<D>& simulation) { simulation_ = &simulation; }
@@ -131,7 +135,9 @@ class EnergyAudit {
   bool due(std::int64_t step) const { return step % stride(step) == 0; }
   /// Shorter after a kick, whose heat drag may take up at once: an eighth of the steps since then.
   std::int64_t stride(std::int64_t step) const {
-    const std::int64_t longest = std::min<std::int64_t>(simulation_->integrator().carries() ? 64 : 8, longest_stride_);
+    constexpr Real accurate = 0.005;
+    const std::int64_t longest = std::min(heat_.accurate_to(accurate) ? strides_.second : strides_.first,
+                                          simulation_->integrator().carries() ? longest_stride : std::int64_t(8));
     if (kicked_at_ < 0 || step - kicked_at_ >= 8 * longest) return longest;
     std::int64_t stride = 1;
     while (16 * stride <= step - kicked_at_) stride *= 2;
@@ -161,7 +167,9 @@ class EnergyAudit {
   std::pair<SampledIntegral, Real> until_now();
 
   Simulation<D>* simulation_;
-  std::int64_t longest_stride_ = 64;
+  static constexpr std::int64_t longest_stride = 64;
+  std::pair<std::int64_t, std::int64_t> strides_{longest_stride,
+                                                 longest_stride};  ///< intervals that sample_every() sets
   std::int64_t kicked_at_ = -1;  ///< step after which disturb() and settle() have changed the kinetic energy last
   bool started_ = false;
   Real start_energy_ = 0, brought_ = 0, work_ = 0;

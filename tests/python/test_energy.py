@@ -193,6 +193,31 @@ def test_a_restart_continues_the_budget_bit_for_bit(tmp_path):
     assert pliant.Run(tmp_path / "program").series.equals(whole)
 
 
+def test_friction_of_many_particles_balances(tmp_path):
+    """At first the audit samples friction at every 9th step, and later, when the heat is known, at every 64th."""
+    def run(folder, stops):
+        walls = pliant.Walls()
+        walls.half_space((0, 0), (0, 1), amplitude=(0, 0.3), frequency=0.7)
+        walls.line([(0, 40), (0, -2)])
+        walls.line([(14, -2), (14, 40)])
+        x = np.stack(np.meshgrid(np.arange(0.7, 13.5, 1.05), np.arange(0.7, 13, 1.05)), axis=-1).reshape(-1, 2)[:150]
+        sim = pliant.Simulation(x + 0.04 * np.random.default_rng(4).random(x.shape), 1, walls=walls, gravity=(0, -1), mu=1.0, e_sp=1000,
+                                e_w=1000, dt=1e-3, output=folder, sample_interval=0.5)
+        for stop in stops:
+            sim.run(until=stop)
+            sim.close()
+            sim = pliant.Simulation.restart(folder)
+        sim.run(until=40)
+        sim.close()
+        return pliant.Run(folder)
+
+    whole, parts = run(tmp_path / "whole", []), run(tmp_path / "parts", [1.3, 17])
+    assert_balanced(tmp_path / "whole")
+    assert whole.series.equals(parts.series)
+    audit = whole.summary["energy_audit"]
+    assert audit["relative_error"] < 0.01 and 1e-3 < audit["uncertainty"] < 0.006
+
+
 @pytest.mark.parametrize("when", ["called", "between"])
 def test_a_restart_with_a_force_continues_the_budget(when, tmp_path):
     def force(x, v, t):
