@@ -23,14 +23,14 @@ class ChangeableField final : public ForceField<D> {
   ChangeableField(std::unique_ptr<ForceField<D>> field, bool walls) : field_(std::move(field)), walls_(walls) {}
 
   /// Whether another model may replace the present one without other lists or another history.
-  bool fits(const ForceField<D>& other) const {
+  bool fits(const ChangeableField& other) const {
     if (!(needs() == other.needs()) || rotates() != other.rotates()) return false;
     const std::vector<HistoryNeeds> own = history_needs(), others = other.history_needs();
     return std::ranges::equal(own, others, [](const HistoryNeeds& a, const HistoryNeeds& b) {
       return a.name == b.name && a.width == b.width && a.constants == b.constants;
     });
   }
-  void replace(std::unique_ptr<ForceField<D>> field) { field_ = std::move(field); }
+  void take_model(ChangeableField&& other) { field_ = std::move(other.field_); }
   void set_function(Function function) { function_ = std::move(function); }
 
   /// Power of the forces that the function returned last, at velocities v [own points · D]; 0 without a function.

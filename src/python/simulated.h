@@ -159,7 +159,7 @@ class Simulated final : public AnySimulation {
 
   // --- Construction
 
-  std::unique_ptr<ForceField<D>> make_field(Settings& settings) const;
+  std::unique_ptr<ChangeableField<D>> make_field(Settings& settings, const Walls<D>& walls) const;
   /// Without particles, which have the sizes of `all`.
   ParticleSystem<D> make_system(const Topology& all, const Walls<D>& walls, std::unique_ptr<ForceField<D>> field) const;
   /// The engine's simulation of these particles, which have no places yet, and its forces.
@@ -184,8 +184,8 @@ class Simulated final : public AnySimulation {
   // --- Integration
 
   bool has_walls() const { return simulation_->particles().walls().size() > 0; }
-  CriticalStep critical_of(const ForceField<D>& field) const {
-    return field.critical_step(simulation().topology(), has_walls());
+  CriticalStep critical_of(const ChangeableField<D>& field) const {
+    return field.critical_step(simulation().topology());
   }
   bool overdamped() const { return simulation_->overdamped() != nullptr; }
   FastestRates rates_of(const Settings& settings, const CriticalStep& critical) const;

@@ -1,18 +1,25 @@
 // Construction: particles, model, integrator.
 #include <algorithm>
 #include <cmath>
+#include <string_view>
 #include <tuple>
 #include <utility>
 
 #include <pliant/model/crossing.h>
 #include <pliant/python/simulated.h>
 #include <pliant/run/overlap_check.h>
+#include <pliant/run/step_check.h>
 #include <pliant/scenarios/droplets/protocol.h>
 #include <pliant/setup/particles.h>
 #include <pliant/ts/ts_integrator.h>
 #include <pliant/ts/verlet.h>
 
 namespace pliant::python {
+namespace {
+
+constexpr std::string_view unit_of_time = "t0";  // in messages
+
+}  // namespace
 
 template <int D>
 Simulated<D>::Simulated(const ParticleArrays& particles, const AnyWalls& walls, const Box<D>& box, const Vec<D>& weight,
@@ -40,10 +47,10 @@ Simulated<D>::~Simulated() {
 }
 
 template <int D>
-std::unique_ptr<ForceField<D>> Simulated<D>::make_field(Settings& settings) const {
+std::unique_ptr<ChangeableField<D>> Simulated<D>::make_field(Settings& settings, const Walls<D>& walls) const {
   const Surroundings<D> surroundings{.gravity = weight_};
   settings.model.template resolve<D>(surroundings);
-  return settings.model.template force_field<D>(surroundings);
+  return std::make_unique<ChangeableField<D>>(settings.model.template force_field<D>(surroundings), walls.size() > 0);
 }
 
 template <int D>
@@ -63,7 +70,7 @@ std::pair<std::unique_ptr<Simulation<D>>, ChangeableField<D>*> Simulated<D>::mak
     throw InputError("model {} is for {}, but the particles are {}", settings_->model.name,
                      settings_->model.deformable() ? "polygons" : "disks and spheres",
                      all.deformable() ? "polygons" : "disks or spheres");
-  auto field = std::make_unique<ChangeableField<D>>(make_field(*settings_), walls.size() > 0);
+  auto field = make_field(*settings_, walls);
   ChangeableField<D>* const changeable = field.get();
   ParticleSystem<D> system = make_system(all, walls, std::move(field));
   if (!settings_->skin) system.tune_skin();
@@ -133,15 +140,11 @@ void Simulated<D>::check_start() {
       throw InputError("particles {} and {} are at the same place, where the force has no direction; move one", id(i),
                        id(j));
   if (!deformable() && !settings_->allow_passing_overlap)
-    for (const auto& [i, j] : s.neighbours.point_pairs) {
-      const Real contact = (s.topology.diameter[i] + s.topology.diameter[j]) / 2,
-                 overlap = 1 - (s.position(i) - s.position(j)).norm() / contact;
-      if (overlap > passing_overlap)
-        throw InputError(
-            "particles {} and {} overlap by {:.3g} of their contact distance: they are inside each other; move one, or "
-            "accept it with -allow_passing_overlap",
-            id(i), id(j), overlap);
-    }
+    if (const PassingPair nearest = nearest_passing_pair(s); nearest.gap < 0)
+      throw InputError(
+          "particles {} and {} overlap by {:.3g} of their contact distance: they are inside each other; move one, or "
+          "accept it with -allow_passing_overlap",
+          id(nearest.points.first), id(nearest.points.second), nearest.overlap);
   const Real longest = deformable() ? *std::ranges::max_element(s.topology.l0) : 0;
   for (const WallSegment& wall : s.walls.segments())
     if (wall.radius > 0 && wall.radius < longest)
@@ -256,11 +259,8 @@ template <int D>
 Real Simulated<D>::check_step(const Settings& settings, const CriticalStep& critical) const {
   const Real dt = settings.dt.value_or(standard_step(settings, critical));
   if (!std::isfinite(dt)) throw InputError("nothing sets the time scale of this simulation; give -dt");
-  if (settings.method == Method::verlet && dt > critical.limit() * (1 + 1e-9) && !settings.allow_unstable_dt)
-    throw InputError(
-        "-dt {:g} is {:.3g} times the limit of stability, {:.3g}: a dense packing would gain energy; shorten the "
-        "step, leave it out, or override with -allow_unstable_dt",
-        dt, dt / critical.limit(), critical.limit());
+  if (settings.method == Method::verlet && !settings.allow_unstable_dt)
+    check_stable_step(dt, {.longest = critical.limit(), .unit = unit_of_time, .given = settings.dt.has_value()});
   return dt;
 }
 
@@ -279,18 +279,17 @@ void Simulated<D>::set_integrator(std::optional<Real> next) {
     method.dt = dt;
     method.implicit = settings_->implicit;
     method.jacobian = settings_->jacobian;
+    const FastestRates rates = rates_of(*settings_, critical);
+    if (!next && !settings_->dt) method.dt = standard_step(TsIntegrator(method), {&rates, 1}, dt);
     auto ts = std::make_unique<TsIntegrator>(method);
     if (ts->needs_jacobian()) simulation_->particles().check_derivatives();
     settings_->options.check_consumed();
-    critical_ = ts->longest_stable_step(rates_of(*settings_, critical));
-    if (const Real least = ts->shortest_controlled_step(); least > critical_ && !settings_->allow_unstable_dt)
-      throw InputError(
-          "-ts_adapt_dt_min {:g} is above the limit of stability, {:.3g}: it keeps error control from making the step "
-          "stable; lower it, leave it out, or override with -allow_unstable_dt",
-          least, critical_);
-    if (ts->explicit_fixed_step() && ts->next_dt() > critical_ && !settings_->allow_unstable_dt)
-      throw InputError("-dt {:g} is above the limit of stability, {:.3g}; shorten the step, or use another method",
-                       ts->next_dt(), critical_);
+    critical_ = ts->longest_stable_step(rates);
+    if (!settings_->allow_unstable_dt)
+      check_stable(*ts, {.longest = critical_,
+                         .unit = unit_of_time,
+                         .given = settings_->dt.has_value(),
+                         .rotates = field_->rotates()});
     simulation_->set_integrator(std::move(ts));
   }
   mark_changed();
@@ -299,7 +298,7 @@ void Simulated<D>::set_integrator(std::optional<Real> next) {
 template Simulated<2>::Simulated(const ParticleArrays&, const AnyWalls&, const Box<2>&, const Vec<2>&,
                                  const std::vector<std::string>&);
 template Simulated<2>::~Simulated();
-template std::unique_ptr<ForceField<2>> Simulated<2>::make_field(Settings&) const;
+template std::unique_ptr<ChangeableField<2>> Simulated<2>::make_field(Settings&, const Walls<2>&) const;
 template ParticleSystem<2> Simulated<2>::make_system(const Topology&, const Walls<2>&,
                                                      std::unique_ptr<ForceField<2>>) const;
 template void Simulated<2>::rebuild(const std::function<void(ParticleTable&)>&, const std::vector<Index>&);
@@ -313,7 +312,7 @@ template std::pair<std::unique_ptr<Simulation<2>>, ChangeableField<2>*> Simulate
 template Simulated<3>::Simulated(const ParticleArrays&, const AnyWalls&, const Box<3>&, const Vec<3>&,
                                  const std::vector<std::string>&);
 template Simulated<3>::~Simulated();
-template std::unique_ptr<ForceField<3>> Simulated<3>::make_field(Settings&) const;
+template std::unique_ptr<ChangeableField<3>> Simulated<3>::make_field(Settings&, const Walls<3>&) const;
 template ParticleSystem<3> Simulated<3>::make_system(const Topology&, const Walls<3>&,
                                                      std::unique_ptr<ForceField<3>>) const;
 template void Simulated<3>::rebuild(const std::function<void(ParticleTable&)>&, const std::vector<Index>&);

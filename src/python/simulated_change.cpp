@@ -15,13 +15,13 @@ void Simulated<D>::configure(const std::vector<std::string>& arguments) {
   if (settings->model.name != settings_->model.name)
     throw InputError("the model of a simulation is {} and cannot become {}; make another simulation",
                      settings_->model.name, settings->model.name);
-  auto field = make_field(*settings);
+  auto field = make_field(*settings, simulation().particles().walls());
   const CriticalStep critical = critical_of(*field);
   check_step(*settings, critical);
   // The mobility has coefficients, too.
   if (!overdamped() && field_->fits(*field)) {
     audit_->disturb();
-    field_->replace(std::move(field));
+    field_->take_model(std::move(*field));
     simulation_->particles().coefficients_changed();
     settings_ = std::move(settings);
     if (settings_->dt || settings_->method == Method::ts ||

@@ -163,8 +163,8 @@ py::dict Simulated<D>::moduli(Real contact_threshold) {
   take_changes();
   // A copy: without rattlers the lists would change, and with them the bits of the motion.
   const Topology all = topology_by_id();
-  Simulation<D> packing(all, make_system(all, simulation_->particles().walls(), make_field(*settings_)),
-                        Sorting::never);
+  const Walls<D>& walls = simulation_->particles().walls();
+  Simulation<D> packing(all, make_system(all, walls, make_field(*settings_, walls)), Sorting::never);
   std::vector<Real> x(rows(0) * D);
   gather(simulation_->topology(), simulation_->state().x().data(), D, x.data());
   packing.place(x);

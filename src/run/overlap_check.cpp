@@ -6,6 +6,17 @@
 
 namespace pliant {
 
+template <int D>
+PassingPair nearest_passing_pair(const StateView<D>& s) {
+  PassingPair nearest;
+  for (const auto& [i, j] : s.neighbours.point_pairs) {
+    const Real contact = (s.topology.diameter[i] + s.topology.diameter[j]) / 2,
+               d = (s.position(i) - s.position(j)).norm(), gap = d - (1 - passing_overlap) * contact;
+    if (gap < nearest.gap) nearest = {gap, {i, j}, 1 - d / contact};
+  }
+  return nearest;
+}
+
 NumericalError within_wall(const Topology& topology, Index i, Index wall, Real d, const std::string& cure) {
   return NumericalError("particle {} went through wall {}: it overlaps by {:.3g} radii; {}",
                         topology.id[topology.particle[i]], wall, 1 - 2 * d / topology.diameter[i], cure);
@@ -45,6 +56,8 @@ Real check_walls_hold(const StateView<D>& s, Real dt, const Ranks& ranks, const 
   return ranks.max(largest);
 }
 
+template PassingPair nearest_passing_pair<2>(const StateView<2>&);
+template PassingPair nearest_passing_pair<3>(const StateView<3>&);
 template Real check_walls_hold<2>(const StateView<2>&, Real, const Ranks&, const std::string&);
 template Real check_walls_hold<3>(const StateView<3>&, Real, const Ranks&, const std::string&);
 

@@ -1,6 +1,7 @@
 // Checks that particles are not within walls and have not passed through each other.
 #pragma once
 
+#include <limits>
 #include <string>
 
 #include <pliant/base/errors.h>
@@ -12,6 +13,18 @@ namespace pliant {
 /// Overlap of two particles over their contact distance at which their centres meet, and of a particle with a wall over
 /// the radius at which its centre is on the wall. Beyond, they pass through each other, and contact laws are undefined.
 constexpr Real passing_overlap = 0.95;
+
+/// Two points and their overlap. gap: the distance by which they may approach before they overlap by passing_overlap;
+/// negative beyond.
+struct PassingPair {
+  Real gap = std::numeric_limits<Real>::infinity();
+  Pair points{};
+  Real overlap = 0;
+};
+
+/// The pair in the neighbour list with the smallest gap. For disks, spheres and droplets. s: with valid lists.
+template <int D>
+PassingPair nearest_passing_pair(const StateView<D>& s);
 
 /// The error of point i at a distance d < 0 from a wall: its centre is within a solid or a disk.
 NumericalError within_wall(const Topology& topology, Index i, Index wall, Real d, const std::string& cure);

@@ -34,18 +34,14 @@ Real PassageWatch<D>::look_at_pairs(ParticleSystem<D>& system, const State& s) c
   const Topology& topology = view.topology;
   Real least = std::numeric_limits<Real>::infinity();  // contact distance
   for (Index i = 0; i < topology.owned_points(); ++i) least = std::min(least, topology.diameter[i]);
-  Real gap = passing_overlap * least;  // pairs that are not listed do not touch
-  for (const auto& [i, j] : view.neighbours.point_pairs) {
-    const Real contact = (topology.diameter[i] + topology.diameter[j]) / 2,
-               d = (view.position(i) - view.position(j)).norm(), left = d - (1 - passing_overlap) * contact;
-    if (left < 0)
-      throw NumericalError(
-          "particles {} and {} overlap by {:.3g} of their contact distance: they pass through each other; use {}{}",
-          std::min(topology.id[i], topology.id[j]), std::max(topology.id[i], topology.id[j]), 1 - d / contact,
-          cures({Cure::stiffer_contacts, Cure::shorter_step}), advice_);
-    gap = std::min(gap, left);
+  const PassingPair nearest = nearest_passing_pair(view);
+  if (nearest.gap < 0) {
+    const auto [first, second] = std::minmax(topology.id[nearest.points.first], topology.id[nearest.points.second]);
+    throw NumericalError(
+        "particles {} and {} overlap by {:.3g} of their contact distance: they pass through each other; use {}{}",
+        first, second, nearest.overlap, cures({Cure::stiffer_contacts, Cure::shorter_step}), advice_);
   }
-  return gap / 2;
+  return std::min(passing_overlap * least, nearest.gap) / 2;  // pairs that are not listed do not touch
 }
 
 template <int D>

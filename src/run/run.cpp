@@ -1,4 +1,3 @@
-#include <pliant/base/cure.h>
 #include <pliant/run/run.h>
 
 #include <fmt/format.h>
@@ -15,11 +14,10 @@
 #include <pliant/run/ensemble.h>
 #include <pliant/run/folder.h>
 #include <pliant/run/frame_data.h>
+#include <pliant/run/step_check.h>
 
 namespace pliant {
 namespace {
-
-bool above(Real ratio, Real safe) { return ratio > safe * (1 + 1e-9); }
 
 /// As one word of a shell's command line.
 std::string shell_word(const std::string& text) {
@@ -165,23 +163,12 @@ void Run<D>::check_step() const {
   const std::string_view step = given ? "-dt" : "the step";
   if (!restarted() && end > 0 && dt > end && (given || integrator().explicit_fixed_step()))
     throw InputError("{} {:g} is longer than the run, {}; give a shorter -dt or a later end", step, dt, end_text());
-  if (const Real least = integrator().shortest_controlled_step(); least > critical && !p_.allow_unstable_dt)
-    throw InputError(
-        "-ts_adapt_dt_min {:g} is {:.3g} times the limit of stability, {:.3g} {}: it keeps error control from making "
-        "the step stable; lower it, leave it out, or override with -allow_unstable_dt",
-        least, least / critical, critical, protocol_->unit_of_time());
+  if (!p_.allow_unstable_dt)
+    check_stable(integrator(), {.longest = critical,
+                                .unit = protocol_->unit_of_time(),
+                                .given = given,
+                                .rotates = simulation().particles().field().rotates()});
   if (!integrator().explicit_fixed_step()) return;
-  if (critical == 0 && !p_.allow_unstable_dt)
-    throw InputError(
-        "{}: no step is stable, as the method makes undamped oscillations grow; use {}, use -ts_rk_type 3 or 4, or "
-        "override with -allow_unstable_dt",
-        integrator().name(), cures({Cure::verlet, Cure::drag}));
-  if (ratio > 1 && !p_.allow_unstable_dt)
-    throw InputError(
-        "{} {:g} is {:.3g} times the limit of stability, {:.3g} {}: a dense packing would be unstable; {}, or override "
-        "with -allow_unstable_dt",
-        step, dt, ratio, critical, protocol_->unit_of_time(),
-        given ? "shorten it or leave it out" : "give a shorter -dt");
   if (above(ratio, protocol_->safe_part()) && ranks_.root())
     warn(
         "{} {:g} is {:.2f} of the limit of stability, {:.3g} {}: above {:g} opening and closing contacts add energy; "

@@ -1109,6 +1109,8 @@ def test_particles_that_pass_each_other_across_a_periodic_border_end_the_run():
 def test_particles_inside_each_other_are_refused():
     with pytest.raises(pliant.InputError, match="particles 0 and 1 overlap by 0.97 of their contact distance"):
         Simulation([[0, 0], [0.03, 0]], 1)
+    with pytest.raises(pliant.InputError, match="particles 2 and 3 overlap by 0.99 "):  # the deepest
+        Simulation([[0, 0], [0.03, 0], [5, 0], [5.01, 0]], 1)
     sim = Simulation([[0, 0], [0.03, 0]], 1, allow_passing_overlap=True)
     with pytest.raises(pliant.InputError, match="particles 1 and 2 overlap"):
         sim.set(allow_passing_overlap=False)
@@ -1136,5 +1138,7 @@ def test_other_guards_of_the_scenarios():
     walls.disk((0, 0), 0.05)
     with pytest.raises(pliant.InputError, match="use a polygon"):
         Simulation(polygons=pliant.regular_polygons([[0, 3]], 1, 8), walls=walls)
-    with pytest.raises(pliant.InputError, match="ts_adapt_dt_min"):
+    with pytest.raises(pliant.InputError, match=r"ts_adapt_dt_min 1 is [0-9.]+ times the limit of stability, [0-9.e-]+ t0"):
         Simulation([[0, 0]], 1, integrator="rk", ts_adapt_dt_min=1.0)
+    with pytest.raises(pliant.InputError, match=r"dt 1 is [0-9.]+ times the limit of stability, [0-9.e-]+ t0"):
+        Simulation([[0, 0]], 1, integrator="rk", ts_adapt_type="none", dt=1.0)
