@@ -649,8 +649,6 @@ class Simulation(_Fixed):
         NumericalError for a packing without stiffness, or that is unstable."""
         if self.force is not None:
             raise InputError("moduli() with a force function, which has no second derivatives; set force = None")
-        if self._model == "disk":
-            raise InputError("particles of the model disk rotate, and their contacts have no second derivatives; use model sp")
         return Moduli(self._core.moduli(_number(contact_threshold, "contact_threshold")))
 
     # --- Changes

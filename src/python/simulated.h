@@ -156,6 +156,8 @@ class Simulated final : public AnySimulation {
   }
   bool deformable() const { return simulation_->topology().deformable(); }
   bool rotates() const { return field_->rotates(); }
+  /// Errors: InputError for particles that rotate, whose contacts have no second derivatives.
+  void require_derivatives() const;
 
   // --- Construction
 

@@ -128,9 +128,7 @@ template <int D>
 py::tuple Simulated<D>::hessian() {
   const EngineUse use(EngineUse::Kind::access);
   const StateView<D> s = present();
-  if (rotates())
-    throw InputError("particles of the model {} rotate, and their contacts have no second derivatives; use model sp",
-                     settings_->model.name);
+  require_derivatives();
   struct Triplets final : BlockSink<D> {
     std::vector<Index> place;  ///< of each point, ghosts too, in the order of the ids
     std::vector<Index> rows, columns;
@@ -154,9 +152,17 @@ py::tuple Simulated<D>::hessian() {
 }
 
 template <int D>
+void Simulated<D>::require_derivatives() const {
+  if (rotates())
+    throw InputError("particles of the model {} rotate, and their contacts have no second derivatives; use model sp",
+                     settings_->model.name);
+}
+
+template <int D>
 py::dict Simulated<D>::moduli(Real contact_threshold) {
   const EngineUse use(EngineUse::Kind::access);
   check_open();
+  require_derivatives();
   for (int k = 0; k < D; ++k)
     if (!box_.periodic(k))
       throw InputError("direction {} of the box is open; moduli need a box that is periodic in all directions", k);

@@ -80,6 +80,8 @@ def test_refusals():
                            ({"box": (5, 5), "model": "disk"}, "model disk rotate")):
         with pytest.raises(pliant.InputError, match=words):
             Simulation(x, 1, **options).moduli()
+    with pytest.raises(pliant.InputError, match="model disk rotate.* use model sp"):  # by the engine
+        Simulation(x, 1, box=(5, 5), model="disk")._core.moduli(1e-5)
     with pytest.raises(pliant.NumericalError, match="all 2 particles are rattlers"):
         Simulation(x, 1, box=(5, 5)).moduli()
     sim.close()
