@@ -140,8 +140,8 @@ class ForceField {
   virtual void damping(const StateView<D>& s, BlockSink<D>& h) const = 0;
   /// The contacts that terms show (ContactTerm), with their elastic forces.
   virtual void for_each_contact(const StateView<D>& s, const std::function<void(const Contact<D>&)>& visit) const = 0;
-  /// The forces between particles, element by element, except zeros: elastic forces, friction and damping. Contact
-  /// history is only read.
+  /// The forces between particles, element by element, except zeros: elastic forces, friction and damping. Without
+  /// elastic forces between two points, which for_each_contact() has. Contact history is only read.
   virtual void for_each_pair_force(const StateView<D>& s,
                                    const std::function<void(const PairForce<D>&)>& visit) const = 0;
   /// Force on each wall by the points, added to f [walls · D]; with torques [walls · rotations], also the torque on it

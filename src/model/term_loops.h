@@ -339,10 +339,10 @@ class TermLoops {
     }
   }
 
-  /// Nothing for a term whose elements do not join two particles.
+  /// Nothing for a term whose elements do not join two particles, and for an energy of pairs of points.
   [[gnu::noinline]] static void for_each_pair_force(const T& term, const View& s,
                                                     const std::function<void(const PairForce<D>&)>& visit) {
-    if constexpr (KindOf<T>::paired)
+    if constexpr (KindOf<T>::paired && !(is_energy && T::elements == Elements::point_pairs))
       with_forces(term, s, [&](auto&& add_force) {
         for_each_element(s, [&](Index e) {
           const Pair points = points_of_both(s, e);

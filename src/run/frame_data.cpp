@@ -359,9 +359,7 @@ void FrameData<D>::find_contacts(ParticleSystem<D>& system, const StateView<D>& 
     forces.add(c, first);
   });
   // Several elements of vertices, edges and faces act at one contact.
-  system.field().for_each_pair_force(view, [&](const PairForce<D>& f) {
-    if (!f.elastic || f.elements != Elements::point_pairs) forces.add(f);
-  });
+  system.field().for_each_pair_force(view, [&](const PairForce<D>& f) { forces.add(f); });
   forces.add_others();
 }
 
