@@ -19,7 +19,7 @@ def test_moduli_are_those_of_pack(options, tmp_path):
     found, s = of_frame(run).moduli(), run.summary
     assert [found.bulk, found.shear] == pytest.approx([s["bulk_modulus"], s["shear_modulus"]], rel=1e-10)
     assert found.shear_xy == pytest.approx(run.series["shear_modulus_xy"].iloc[-1], rel=1e-10)
-    stiffness = run.vector_series["stiffness"][-1].reshape(found.stiffness.shape).T  # stored column by column
+    stiffness = run.vector_series["stiffness"][-1].reshape(found.stiffness.shape)  # a row for each component of the stress
     assert found.stiffness == pytest.approx(stiffness, abs=1e-10 * stiffness.max())
     assert found.pressure == pytest.approx(s["pressure"], rel=1e-10) and found.max_force < 1e-11
     assert (len(found.rattlers), found.contacts) == (s["rattlers"], s["contacts"])

@@ -281,12 +281,13 @@ std::vector<SeriesValue> PackingProtocol<D>::sample() {
                                {"coordination", network_.coordination()}};
   if (p_.model.deformable()) row.emplace_back("rim_fraction", rim_fraction());
   if (p_.moduli) {
-    std::vector<Real> all;
-    for (const Real c : moduli_.voigt().reshaped()) all.push_back(c);
+    std::vector<Real> rows;
+    const typename Moduli<D>::Voigt stiffness = moduli_.voigt();
+    for (const Real c : stiffness.template reshaped<Eigen::RowMajor>()) rows.push_back(c);
     row.emplace_back("bulk_modulus", moduli_.bulk());
     row.emplace_back("shear_modulus", moduli_.shear());
     row.emplace_back("shear_modulus_xy", moduli_.simple_shear(0, 1));
-    row.emplace_back("stiffness", all);
+    row.emplace_back("stiffness", rows);
   }
   if (p_.modes > 0) {
     row.emplace_back("frequencies", frequencies_);
