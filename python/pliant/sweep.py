@@ -73,8 +73,9 @@ def _note_units(run, units):
         note(name, entry)
     for name, column in _columns_of_results(run).items():
         entry = run.summary[name]
-        if not isinstance(entry, dict) and column != name:  # a plain number has the unit of the option
-            entry = run.manifest["options"].get(name)
+        if not isinstance(entry, dict):  # a plain number has the unit of the option, or of the column of the series, with its name
+            entry = (run.manifest["options"].get(name) if column != name
+                     else {"unit": run.manifest["datasets"].get(f"series/{name}", {}).get("units")})
         note(column, entry)
         note(column + "_error", entry)
 

@@ -5,6 +5,7 @@
 #include <poll.h>
 
 #include <algorithm>
+#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <cstdint>
@@ -14,6 +15,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <span>
 #include <utility>
 
 #include <pliant/base/console.h>
@@ -36,6 +38,16 @@ struct Varied {
   std::vector<std::string> values;
 };
 
+/// The same text, or the same number.
+bool same_value(const std::string& a, const std::string& b) {
+  const auto number = [](const std::string& text) -> std::optional<Real> {
+    Real value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    return error == std::errc() && end == text.data() + text.size() ? std::optional(value) : std::nullopt;
+  };
+  return a == b || (number(a) && number(a) == number(b));
+}
+
 Varied varied_option(const RunOptions& p, const Options& options) {
   if (p.ensemble_over.empty()) return {};
   const std::size_t equals = p.ensemble_over.find('=');
@@ -57,8 +69,9 @@ Varied varied_option(const RunOptions& p, const Options& options) {
     if (varied.option == own) refuse("the ensemble sets this option");
   if (options.declared(varied.option) && options.given(varied.option))
     refuse(fmt::format("-{} is given too", varied.option));
-  if (const auto unique = std::set(varied.values.begin(), varied.values.end()); unique.size() < varied.values.size())
-    refuse("a value is there twice");
+  for (const std::string& a : varied.values)
+    for (const std::string& b : std::span(varied.values.data(), &a))
+      if (same_value(a, b)) refuse(a == b ? "a value is there twice" : fmt::format("{} and {} are one value", b, a));
   return varied;
 }
 

@@ -62,6 +62,7 @@ class Protocol {
   virtual std::string title() const = 0;  ///< a line for the start of the run
   virtual std::string model() const = 0;
   virtual std::string_view unit_of_time() const { return "t0"; }  ///< in messages
+  virtual bool counts_steps() const { return false; }             ///< the time is the number of steps
   virtual Real last_time() const = 0;                             ///< latest end of the run
   virtual std::string end_at_last_time() const { return "t_end"; }
   virtual Real first_dt() const = 0;

@@ -178,12 +178,17 @@ void Run<D>::check_step() const {
 
 template <int D>
 void Run<D>::announce() const {
-  say("{}\n{}: dt = {:.3g} {}", protocol_->title(), integrator().name(), dt_, protocol_->unit_of_time());
+  say("{}\n{}", protocol_->title(), integrator().name());
+  if (!protocol_->counts_steps()) say(": dt = {:.3g} {}", dt_, protocol_->unit_of_time());
   if (const Real critical = protocol_->critical_step(); std::isfinite(critical))
     say(", dt/dt_critical = {:.2f}", dt_ / critical);
   say("; output in {}\n", p_.output);
   if (branched_) say("branch of {}, with a copy of its samples and frames\n", p_.restart);
-  if (restarted()) say("continuing at t = {:.6g} {}, step {}\n", state().t, protocol_->unit_of_time(), state().step);
+  if (!restarted()) return;
+  if (protocol_->counts_steps())
+    say("continuing after step {}\n", state().step);
+  else
+    say("continuing at t = {:.6g} {}, step {}\n", state().t, protocol_->unit_of_time(), state().step);
 }
 
 /// Creates the folder of a branch, unless the run continues in the folder of its checkpoint.

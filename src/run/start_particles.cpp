@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 #include <filesystem>
@@ -11,6 +12,7 @@
 #include <string_view>
 #include <utility>
 
+#include <pliant/base/console.h>
 #include <pliant/base/cure.h>
 #include <pliant/base/errors.h>
 #include <pliant/base/text.h>
@@ -329,6 +331,32 @@ void StartOption::set_motion(Simulation<D>& simulation) const {
   }
 }
 
+template <int D>
+void StartOption::report_energy(Simulation<D>& simulation, const std::string& contact_energy) const {
+  if (!fresh()) return;
+  constexpr Real large = 0.1;
+  const StateView<D> s = simulation.view();
+  Real floor = std::numeric_limits<Real>::infinity();
+  std::array<Real, 3> sums{};  // elastic energy, mass, mass times height
+  for (Index i = 0; i < s.topology.owned_points(); ++i) {
+    const Real mass = s.topology.mass(i), height = s.position(i)[D - 1];
+    floor = std::min(floor, height);
+    sums[1] += mass;
+    sums[2] += mass * height;
+  }
+  sums[0] = simulation.particles().field().energy(s) - sums[2];
+  simulation.ranks().sum(sums);
+  floor = simulation.ranks().min(floor);
+  const Real lift = sums[0] / sums[1], height = sums[2] / sums[1] - floor;
+  if (!simulation.ranks().root()) return;
+  say("started from {}; the elastic energy could lift all particles by {:.3g} sigma_avg\n", printable(file_), lift);
+  if (lift > large * std::max(height, Real(1)))
+    warn(
+        "-start {}: contacts store an elastic energy that could lift all particles by {:.3g} sigma_avg, and becomes "
+        "motion and heat; lower the contact energy ({}), or start from a frame with smaller overlaps",
+        printable(file_), lift, contact_energy);
+}
+
 void StartOption::visit(Archive& a) const {
   if (!given() || a.reads()) return;
   SharedCheckpoint& to = a.to();
@@ -341,5 +369,7 @@ template void StartOption::check<2>(Real, const std::function<std::optional<std:
 template void StartOption::check<3>(Real, const std::function<std::optional<std::string>(Index)>&) const;
 template void StartOption::set_motion(Simulation<2>&) const;
 template void StartOption::set_motion(Simulation<3>&) const;
+template void StartOption::report_energy(Simulation<2>&, const std::string&) const;
+template void StartOption::report_energy(Simulation<3>&, const std::string&) const;
 
 }  // namespace pliant

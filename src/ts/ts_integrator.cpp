@@ -137,6 +137,19 @@ void check_positive(const char* name, Real value) {
     throw InputError("{} is {}, but it must be positive and finite", name, value);
 }
 
+/// Errors: InputError for limits of controlled steps that no step fulfils, which PETSc would refuse without their
+/// names.
+void check_step_limits(TSAdapt adapt) {
+  PetscReal least = 0, most = 0;
+  PetscBool given = PETSC_FALSE;
+  petsc_check(TSAdaptGetStepLimits(adapt, &least, &most));
+  petsc_check(PetscOptionsGetReal(nullptr, nullptr, "-ts_adapt_dt_min", &least, nullptr));
+  petsc_check(PetscOptionsGetReal(nullptr, nullptr, "-ts_adapt_dt_max", &most, &given));
+  if (!(least < most))
+    throw InputError("-ts_adapt_dt_min {:g} is not below the longest step, {:.3g} (-ts_adapt_dt_max{}); lower it",
+                     least, most, given == PETSC_TRUE ? "" : ", by default");
+}
+
 }  // namespace
 
 void TsIntegrator::Run::load() const {
@@ -186,6 +199,7 @@ void TsIntegrator::configure() {
     if (estimate) petsc_check(TSAdaptSetType(adapt, options_.adapt.c_str()));
   }
   if (std::isfinite(options_.longest_dt)) petsc_check(TSAdaptSetStepLimits(adapt, PETSC_DEFAULT, options_.longest_dt));
+  check_step_limits(adapt);
   petsc_check(TSSetFromOptions(ts_));
   if (dt_ == 0) {
     read_views(comm_, solve_views);

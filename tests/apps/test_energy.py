@@ -58,6 +58,8 @@ def test_a_gain_of_energy_in_few_steps(tmp_path):
 
 @pytest.mark.parametrize("options, words", [
     ({"ts_adapt_dt_min": 1.2e-2}, "-ts_adapt_dt_min 0.012 is"),
+    ({"ts_adapt_dt_min": 10}, "error: -ts_adapt_dt_min 10 is not below the longest step, 0."),
+    ({"ts_adapt_dt_min": 1e-3, "ts_adapt_dt_max": 5e-4}, "error: -ts_adapt_dt_min 0.001 is not below the longest step, 0.0005 (-ts_adapt_dt_max)"),
     ({"ts_rtol": 1}, "-ts_rtol 1 does not control errors"),
     ({"ts_atol": 3}, "-ts_atol 3 does not control errors"),
     ({"ts_type": "cvode", "ts_rtol": 1}, "-ts_rtol 1 does not control errors"),

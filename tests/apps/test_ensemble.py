@@ -192,6 +192,7 @@ def test_workers_end_with_the_program(tmp_path):
     ({"ensemble": 2, "ensemble_over": "n"}, "there are no values"),
     ({"ensemble": 2, "ensemble_over": "n=8,,16"}, "a value is empty"),
     ({"ensemble": 2, "ensemble_over": "n=8,8"}, "a value is there twice"),
+    ({"ensemble": 2, "ensemble_over": "pressure=1e-3,1e-4,0.001"}, "1e-3 and 0.001 are one value"),
     ({"ensemble": 2, "ensemble_over": "seed=1,2"}, "the ensemble sets this option"),
     ({"ensemble": 2, "ensemble_over": "n=8,16", "n": 4}, "-n is given too"),
     ({"ensemble": 2, "ensemble_over": "size=8,16"}, "unknown option -size"),

@@ -159,6 +159,8 @@ def test_rows_of_ensembles_equal_single_runs(tmp_path):
                       "ns_per_particle_step", "ns_per_vertex_step"]
     pd.testing.assert_frame_equal(results.drop(columns=of_the_command, errors="ignore"), alone.drop(columns=of_the_command, errors="ignore"))
     assert (tmp_path / "t/units.csv").read_bytes() == (tmp_path / "alone/units.csv").read_bytes()
+    units = pd.read_csv(tmp_path / "t/units.csv", index_col="column")["unit"]
+    assert units["energy"] == "eps" and units["max_force"] == "eps/sigma_avg"
     for row in results.index:
         assert_same_rows(tmp_path / "t" / row, tmp_path / "alone" / row)
     assert "done 10/10" in sweep(table)  # also without --ensembles

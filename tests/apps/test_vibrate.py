@@ -121,9 +121,31 @@ def test_a_start_from_a_frame_keeps_the_particles(tmp_path):
     first = vibrate(tmp_path / "first", cycles=3)
     result = pliant("vibrate", output=tmp_path / "second", start=tmp_path / "first/run.h5", box_width=6, cycles=1)
     assert result.returncode == 0, result.stderr
+    assert "the elastic energy could lift all particles by" in result.stdout and result.stderr == ""
     second = Results(tmp_path / "second")
     assert np.array_equal(second.frames[0]["centres"], first.frames[-1]["centres"])
     assert np.array_equal(second.frames[0]["velocities"], first.frames[-1]["velocities"])
+
+
+def test_a_start_from_a_pressed_packing_warns(tmp_path):
+    """The contact energy of pack is the unit; the default of vibrate is 10^4."""
+    made = pliant("pack", output=tmp_path / "packing", n=30, pressure=1e-2)
+    assert made.returncode == 0, made.stderr
+    packing = Results(tmp_path / "packing")
+    table = tmp_path / "packing.csv"
+    table.write_text("x,y,diameter\n" + "".join(f"{x},{y + 0.6},{d}\n" for (x, y), d in
+                                                zip(packing.frames[-1]["centres"], packing.topology["sigma"])), encoding="utf-8")
+    options = {"start": table, "box_width": 20, "cycles": 1, "model": "sp", "mu": 1}
+    result = pliant("vibrate", output=tmp_path / "run", **options, e_sp=1e4)
+    assert result.returncode == 0, result.stderr
+    assert f"-start {table}: contacts store an elastic energy that could lift all particles by" in result.stderr
+    assert "lower the contact energy (-e_sp)" in result.stderr
+    run = Results(tmp_path / "run")
+    lift = float(result.stderr.split("particles by ")[1].split()[0])
+    s, mass = run.series, run.summary["weight"]["value"]
+    assert lift == pytest.approx(s["potential_energy"][0] / mass, rel=1e-2) and lift > 1
+    soft = pliant("vibrate", output=tmp_path / "soft", **options, e_sp=20)
+    assert soft.returncode == 0 and soft.stderr == "", soft.stderr
 
 
 @pytest.mark.ranks

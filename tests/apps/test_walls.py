@@ -167,7 +167,7 @@ def test_obstacles_that_shut_the_container_are_named(tmp_path, outline):
     ({"hopper_angle_left": 45}, ["-hopper_angle_left", "-outline", "leave it out"]),
     ({"outline": "/no/such/file"}, ["/no/such/file"]),
     ({"obstacle": "disk:9,3,1"}, ["(9, 3)", "not inside"]),
-    ({"obstacle": "disk:3,3,2"}, ["overlaps a wall"]),
+    ({"obstacle": "disk:3,3,2"}, ["overlaps the wall at (4.5, 2.5)"]),
     ({"obstacle": "cone:3"}, ["cone:3", "disk:x,y,r"]),
     ({"obstacle": "disk:0,4,0.05", "model": "smooth"}, ["so small", "polygon"]),
 ])

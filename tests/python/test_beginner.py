@@ -120,7 +120,7 @@ def test_minimize_refuses_a_force_function():
 # --- Obstacles
 
 @pytest.mark.parametrize("obstacles, words", [
-    ([("disk", (0, 5), 9)], "overlaps a wall"), ([("disk", (0, -5), 1)], "not inside the container"),
+    ([("disk", (0, 5), 9)], "overlaps the wall at"), ([("disk", (0, -5), 1)], "not inside the container"),
     ([("disk", (9, 5), 1)], "not inside"), ([("disk", (0, 5), 1), ("disk", (0.5, 5), 1)], "overlap; move one"),
     ([("polygon", [(-9, 4), (9, 4), (0, 6)])], "not inside"), ([("polygon", [(0, 4), (1, 5), (1, 4), (0, 5)])], "the corners of an obstacle: its sides cross")])
 def test_obstacles_as_in_the_program(obstacles, words):

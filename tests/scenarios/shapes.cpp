@@ -120,7 +120,7 @@ TEST_CASE("obstacles stand inside the container, may touch walls, and not each o
   };
   bad("disk:7,5,1", "(7, 5)", "not inside");
   bad("disk:0,-1,0.5", "above the orifice");
-  bad("disk:4.5,8,1", "overlaps a wall", "0.5");
+  bad("disk:4.5,8,1", "overlaps the wall at (5, 8)", "0.5 from its centre");
   bad("polygon:3,6,6,6,4,8", "(6, 6)", "not inside");
   bad("disk:0,5,1;disk:0,6.5,1", "disk:0,5,1 and disk:0,6.5,1 overlap");
   bad("disk:0,5,1;polygon:-2,4,2,4,0,9", "overlap");

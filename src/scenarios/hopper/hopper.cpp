@@ -198,7 +198,10 @@ class HopperProtocol final : public Protocol<D> {
 
   nlohmann::ordered_json start_source() const override { return p_.start.source(); }
   void placed() override { counter_.reset(topology().owned()); }
-  void started() override { p_.start.set_motion(this->simulation()); }
+  void started() override {
+    p_.start.set_motion(this->simulation());
+    p_.start.report_energy(this->simulation(), p_.model.option(Role::contact_energy));
+  }
 
   void repeat(const Series& series) override {
     if (!precision_) return;

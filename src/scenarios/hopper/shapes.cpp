@@ -196,23 +196,27 @@ std::vector<Obstacle> parse_obstacles(const std::string& all, int dim) {
 
 void check_obstacles(const Container& container, const std::vector<Obstacle>& obstacles, int dim) {
   const WallParts walls = container.parts(dim);
-  const auto wall_distance = [&](const Vec<2>& p) {
-    Real least = std::numeric_limits<Real>::infinity();
+  const auto nearest_on_wall = [&](const Vec<2>& p) {
+    Vec<2> nearest = Vec<2>::Constant(std::numeric_limits<Real>::infinity());
     for (const WallSegment& s : walls.segments) {
-      const Vec<2> w = p - s.origin;
-      least = std::min(least, (w - std::clamp(w.dot(s.direction), Real(0), s.length) * s.direction).norm());
+      const Vec<2> foot = s.origin + std::clamp((p - s.origin).dot(s.direction), Real(0), s.length) * s.direction;
+      if ((p - foot).norm() < (p - nearest).norm()) nearest = foot;
     }
-    return least;
+    return nearest;
   };
+  const auto wall_distance = [&](const Vec<2>& p) { return (p - nearest_on_wall(p)).norm(); };
   for (std::size_t k = 0; k < obstacles.size(); ++k) {
     const Obstacle& o = obstacles[k];
     for (const Vec<2>& corner : o.corners)
       if (!container.inside(dim, corner) && (o.disk() || !(wall_distance(corner) < 1e-9)))
         throw InputError("-obstacle {}: ({:g}, {:g}) is not inside the container, above the orifice; move it", text(o),
                          corner[0], corner[1]);
-    if (o.disk() && wall_distance(o.corners[0]) < o.radius * (1 - 1e-9))
-      throw InputError("-obstacle {}: overlaps a wall, which is {:g} from its centre; it may only touch walls", text(o),
-                       wall_distance(o.corners[0]));
+    if (o.disk() && wall_distance(o.corners[0]) < o.radius * (1 - 1e-9)) {
+      const Vec<2> wall = nearest_on_wall(o.corners[0]);
+      throw InputError(
+          "-obstacle {}: overlaps the wall at ({:g}, {:g}), which is {:g} from its centre; it may only touch walls",
+          text(o), wall[0], wall[1], wall_distance(o.corners[0]));
+    }
     for (const auto& [a, b] : edges(o))
       for (const WallSegment& s : walls.segments) {
         const Real length = std::min(s.length, std::max(a[1], b[1]) + 1);

@@ -25,6 +25,7 @@ class PackingProtocol : public Protocol<D> {
 
   std::string model() const final { return p_.model.name; }
   std::string_view unit_of_time() const final { return "steps"; }
+  bool counts_steps() const final { return true; }
   Real first_dt() const final { return 1; }
   std::unique_ptr<Integrator> make_integrator(Real dt) final;
   RunGeometry geometry() const final { return {"periodic", {}, {}}; }

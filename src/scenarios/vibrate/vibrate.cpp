@@ -166,7 +166,10 @@ class VibrateProtocol final : public Protocol<D> {
           packing.fraction, packing.height, packing.iterations, packing.max_overlap);
     return x;
   }
-  void started() override { p_.start.set_motion(this->simulation()); }
+  void started() override {
+    p_.start.set_motion(this->simulation());
+    p_.start.report_energy(this->simulation(), p_.model.option(Role::contact_energy));
+  }
   void ready() override {
     passages_.start(particles(), state());
     watch([&](ParticleSystem<2>& system) { outlines_.start(system, state()); });
