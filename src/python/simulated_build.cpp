@@ -10,6 +10,7 @@
 #include <pliant/run/overlap_check.h>
 #include <pliant/run/step_check.h>
 #include <pliant/scenarios/droplets/protocol.h>
+#include <pliant/scenarios/particles/motions.h>
 #include <pliant/setup/particles.h>
 #include <pliant/ts/ts_integrator.h>
 #include <pliant/ts/verlet.h>
@@ -241,10 +242,10 @@ template <int D>
 FastestRates Simulated<D>::rates_of(const Settings& settings, const CriticalStep& critical) const {
   if (settings.overdamped())
     return {.decay = settings.relaxation_rate<D>(simulation_->topology(), critical, has_walls())};
-  FastestRates rates;
-  for (const Rates& r : {critical.crowded.translation, critical.crowded.rotation}) {
-    rates.oscillation = std::max(rates.oscillation, std::sqrt(r.stiffness));
-    rates.decay = std::max(rates.decay, r.damping);
+  FastestRates rates{.drag = drag_rate<D>(settings.model, *field_, simulation_->topology())};
+  for (const FastestRates& motion : fastest_motions(critical)) {
+    rates.oscillation = std::max(rates.oscillation, motion.oscillation);
+    rates.decay = std::max(rates.decay, motion.decay);
   }
   return rates;
 }
@@ -280,7 +281,7 @@ void Simulated<D>::set_integrator(std::optional<Real> next) {
     method.implicit = settings_->implicit;
     method.jacobian = settings_->jacobian;
     const FastestRates rates = rates_of(*settings_, critical);
-    if (!next && !settings_->dt) method.dt = standard_step(TsIntegrator(method), {&rates, 1}, dt);
+    if (!next && !settings_->dt) method.dt = pliant::standard_step(TsIntegrator(method), std::span(&rates, 1), dt);
     auto ts = std::make_unique<TsIntegrator>(method);
     if (ts->needs_jacobian()) simulation_->particles().check_derivatives();
     settings_->options.check_consumed();

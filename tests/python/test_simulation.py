@@ -1142,3 +1142,14 @@ def test_other_guards_of_the_scenarios():
         Simulation([[0, 0]], 1, integrator="rk", ts_adapt_dt_min=1.0)
     with pytest.raises(pliant.InputError, match=r"dt 1 is [0-9.]+ times the limit of stability, [0-9.e-]+ t0"):
         Simulation([[0, 0]], 1, integrator="rk", ts_adapt_type="none", dt=1.0)
+
+
+def test_the_default_step_is_stable_for_the_method():
+    """Velocity Verlet would allow a longer step. Without drag no step is stable."""
+    pair = {"positions": [[0, 1], [2, 1]], "diameters": 1, "walls": floor(), "gravity": (0, -1)}
+    verlet, ssp = Simulation(**pair, zeta=1), Simulation(**pair, zeta=1, integrator="ssp")
+    assert 0 < ssp.dt < verlet.dt
+    with pytest.raises(pliant.InputError, match="shorten it or leave it out"):
+        Simulation(**pair, zeta=1, integrator="ssp", dt=verlet.dt)
+    with pytest.raises(pliant.InputError, match="no step is stable"):
+        Simulation(**pair, integrator="ssp")

@@ -9,12 +9,16 @@
 
 namespace pliant {
 
-/// Of a dense packing of these particles. Drag damps every oscillation, unless particles have spins, which it does not
-/// damp.
+/// The rate at which drag damps every oscillation, in 1/t0; 0 for particles with spins, which drag does not damp.
+template <int D>
+Real drag_rate(const ModelChoice& model, const ForceField<D>& field, const Topology& all) {
+  return !field.rotates() && model.value(Role::drag) > 0 ? model.term(Drag<D>{}).min_damping(all) : 0;
+}
+
+/// Of a dense packing of these particles.
 template <int D>
 std::vector<FastestRates> motions_of(const ModelChoice& model, const ForceField<D>& field, const Topology& all) {
-  const bool damped = !field.rotates() && model.value(Role::drag) > 0;
-  return fastest_motions(field.critical_step(all), damped ? model.term(Drag<D>{}).min_damping(all) : 0);
+  return fastest_motions(field.critical_step(all), drag_rate<D>(model, field, all));
 }
 
 }  // namespace pliant
