@@ -110,16 +110,25 @@ def serial(tmp_path_factory):
 
 # --- Threads
 
+# Soft contacts and shapes, for long steps; 8400 vertices, in two chunks.
+SURFACES = {"dim": 3, "n": 200, "hopper_wall_distance": 6, "hopper_width": 3, "pack_fraction": 0.6, "e_c": 100, "e_w": 100, "k_v": 2000,
+            "k_a": 20, "mu": 0.2, "zeta": 0.3, "t_end": 1, "frame_interval": 0.25, "sample_interval": 0.1}
+
+
 @pytest.mark.parametrize("options", [
     {"n": 3000, "hopper_wall_distance": 40, "hopper_width": 6, "t_end": 0.3, "frame_interval": 0.1},
     {"n": 8500, "dim": 3, "hopper_wall_distance": 18, "hopper_width": 6, "pack_fraction": 0.5, "t_end": 0.05,
      "frame_interval": 0.02},
     {"n": 200, "hopper_wall_distance": 14, "hopper_width": 4, "model": "rough", "t_end": 0.1, "frame_interval": 0.02},
     {"n": 200, "hopper_wall_distance": 14, "hopper_width": 4, "model": "smooth", "t_end": 0.02,
-     "frame_interval": 0.01}], ids=["soft", "soft_3d", "rough", "smooth"])
+     "frame_interval": 0.01},
+    {**SURFACES, "model": "rough"}, {**SURFACES, "model": "smooth", "edge_width": 0.3}],
+    ids=["soft", "soft_3d", "rough", "smooth", "rough_3d", "smooth_3d"])
 def test_threads_change_no_bit(options, tmp_path):
     one, two = hopper(tmp_path / "one", **options), hopper(tmp_path / "two", **options, threads=2)
     assert np.abs(one.frames[-1]["positions"] - one.frames[0]["positions"]).max() > 1e-4
+    if options.get("dim") == 3 and "model" in options:
+        assert len(one.frames[-1]["contacts/overlap"]) > 20
     assert_same_runs(one, two)
 
 
