@@ -15,11 +15,14 @@ from test_parallel import mpi_environment
 SMALL = {"n": 20, "pressure": 1e-3}
 SCENARIOS = {"pack": SMALL, "shear": {**SMALL, "strain": 2e-3},
              "hopper": {"n": 30, "t_end": 2, "hopper_width": 4, "mu": 1},
+             **{f"hopper -dim 3 -model {model}": {"n": 12, "hopper_wall_distance": 4, "hopper_width": 2, "pack_fraction": 0.5,
+                                                  "e_c": 100, "e_w": 100, "k_v": 2000, "k_a": 20, "t_end": 1, "frame_interval": 0.5}
+                for model in ("rough", "smooth")},
              "clog": {"n": 15}, "vibrate": {"n": 10, "box_width": 4, "cycles": 2}}
 
 
 def ensemble(folder, scenario="pack", **options):
-    result = pliant(scenario, output=folder, **{"ensemble": 3, **SCENARIOS[scenario], **options})
+    result = pliant(*scenario.split(), output=folder, **{"ensemble": 3, **SCENARIOS[scenario], **options})
     assert result.returncode == 0 and result.stderr == "", result.stderr
     return result
 
@@ -62,7 +65,7 @@ def test_a_member_with_hundreds_of_frames_is_whole(tmp_path):
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_members_equal_single_runs(scenario, tmp_path):
     ensemble(tmp_path / "all", scenario, ensemble_workers=3, seed=5)
-    single = pliant(scenario, output=tmp_path / "one", seed=6, **SCENARIOS[scenario])
+    single = pliant(*scenario.split(), output=tmp_path / "one", seed=6, **SCENARIOS[scenario])
     assert single.returncode == 0
     with h5py.File(tmp_path / "all/ensemble.h5") as file, h5py.File(tmp_path / "one/run.h5") as run:
         assert sorted(file["members"]) == ["000000", "000001", "000002"]
