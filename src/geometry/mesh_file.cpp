@@ -7,7 +7,7 @@
 
 #include <pliant/base/errors.h>
 #include <pliant/base/text.h>
-#include <pliant/geometry/mesh.h>
+#include <pliant/geometry/off_text.h>
 
 namespace pliant {
 namespace {
@@ -121,6 +121,15 @@ TriangleMesh read_obj(MeshLines& lines) {
   return mesh;
 }
 
+TriangleMesh checked(TriangleMesh mesh, const std::string& name) {
+  try {
+    check_mesh(mesh);
+  } catch (const InputError& error) {
+    throw InputError("{}: {}", name, error.what());
+  }
+  return mesh;
+}
+
 }  // namespace
 
 TriangleMesh read_mesh(const std::string& file) {
@@ -131,14 +140,21 @@ TriangleMesh read_mesh(const std::string& file) {
   const bool off = ends(".off");
   if (!off && !ends(".obj")) throw InputError("mesh file {}: the name must end with .off or .obj", printable(file));
   const std::string text = read_text_file(file, largest_mesh_file, "mesh file");
+  if (off) return mesh_of_off(text, printable(file));
   MeshLines lines(text, printable(file));
-  const TriangleMesh mesh = off ? read_off(lines) : read_obj(lines);
-  try {
-    check_mesh(mesh);
-  } catch (const InputError& error) {
-    throw InputError("{}: {}", printable(file), error.what());
-  }
-  return mesh;
+  return checked(read_obj(lines), printable(file));
+}
+
+TriangleMesh mesh_of_off(const std::string& text, const std::string& name) {
+  MeshLines lines(text, name);
+  return checked(read_off(lines), name);
+}
+
+std::string off_text(const TriangleMesh& mesh) {
+  std::string text = fmt::format("OFF {} {} 0\n", mesh.vertices.size(), mesh.faces.size());
+  for (const Vec<3>& r : mesh.vertices) text += fmt::format("{} {} {}\n", r[0], r[1], r[2]);
+  for (const auto& [a, b, c] : mesh.faces) text += fmt::format("3 {} {} {}\n", a, b, c);
+  return text;
 }
 
 }  // namespace pliant

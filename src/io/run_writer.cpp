@@ -15,7 +15,7 @@
 #include <pliant/io/dataset_table.h>
 #include <pliant/io/folder_lock.h>
 #include <pliant/io/shared_file.h>
-#include <pliant/model/surface.h>
+#include <pliant/model/surface_arrays.h>
 
 namespace pliant {
 namespace {
@@ -111,6 +111,11 @@ void write_topology(File& file, const Topology& topology) {
     }
     offset.push_back(static_cast<Index>(of_face.size()));
   }
+  const SurfaceArrays surfaces(*topology.surfaces);
+  SurfaceArrays::for_each(surfaces, [&](const std::string& name, const auto& values, std::uint64_t width) {
+    const std::uint64_t rows = values.size() / width;
+    group.write("surfaces/" + name, values, width == 1 ? hdf5::Shape{rows} : hdf5::Shape{rows, width}, Storage::crc32);
+  });
   write("face_offset", offset);
   group.write("faces", faces, {of_face.size(), 3}, Storage::crc32);
   write("xdmf/face_particle", of_face);

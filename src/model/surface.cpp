@@ -8,6 +8,7 @@
 
 #include <pliant/base/errors.h>
 #include <pliant/geometry/hinge.h>
+#include <pliant/model/surface_arrays.h>
 
 namespace pliant {
 
@@ -17,9 +18,6 @@ Real Surface::mean_rest_length() const {
   return std::accumulate(rest_length.begin(), rest_length.end(), Real(0)) / static_cast<Real>(rest_length.size());
 }
 
-namespace {
-
-/// Finds the neighbours of faces and vertices.
 void connect_parts(Surface& s) {
   s.across.resize(s.faces.size());
   s.around.resize(s.vertices.size());
@@ -37,8 +35,6 @@ void connect_parts(Surface& s) {
   for (std::size_t f = s.faces.size(); f-- > 0;)
     for (const Index i : s.faces[f]) s.lowest_face[i] = static_cast<Index>(f);
 }
-
-}  // namespace
 
 Real sphere_diameter(Real volume) { return std::cbrt(6 * volume / pi); }
 

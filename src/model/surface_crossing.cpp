@@ -2,10 +2,14 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <vector>
 
+#include <pliant/base/errors.h>
 #include <pliant/geometry/hinge.h>
+#include <pliant/model/resting_surface.h>
+#include <pliant/model/surface_measures.h>
 
 namespace pliant {
 namespace {
@@ -40,6 +44,18 @@ class Look {
     return seen_;
   }
 
+  std::optional<std::pair<Index, Index>> enclosed() {
+    std::optional<std::pair<Index, Index>> found;
+    for_each_near_pair([&](Index m, Index n) {
+      for (const auto& [outer, inner] : {std::pair(m, n), std::pair(n, m)})
+        if (bounds_[outer].contains(bounds_[inner]) &&
+            inside_surface(s_.x, s_.topology, surface(outer), outer, at(inner, 0)))
+          found.emplace(outer, inner);
+      return !found;
+    });
+    return found;
+  }
+
  private:
   const Surface& surface(Index m) const { return s_.topology.surfaces->of(s_.topology, m); }
   Vec<3> at(Index m, Index vertex) const { return s_.position(s_.topology.offset[m] + vertex); }
@@ -68,21 +84,29 @@ class Look {
         own.faces, [&](const Face& f) { return sixfold_volume(at(m, f[0]), at(m, f[1]), at(m, f[2]), centre) < 0; });
   }
 
-  /// Sweeps along x over particles of which one is this rank's.
   void find_pairs() {
+    for_each_near_pair([&](Index m, Index n) {
+      const Bounds common = bounds_[m].intersection(bounds_[n]);
+      seen_.piercing = find(m, n, common);
+      if (!seen_.piercing) seen_.piercing = find(n, m, common);
+      return !seen_.piercing;
+    });
+  }
+
+  /// Calls visit(m, n) for particles whose bounds meet and of which one is this rank's, in a sweep along x, until it
+  /// returns false.
+  template <class Visit>
+  void for_each_near_pair(Visit&& visit) {
     const Topology& t = s_.topology;
     std::vector<Index> order;
     for (Index m = 0; m < t.particles(); ++m)
       if (t.active[m] != 0) order.push_back(m);
     std::ranges::sort(order, {}, [&](Index m) { return std::pair(bounds_[m].min()[0], m); });
-    for (std::size_t k = 0; k < order.size() && !seen_.piercing; ++k)
+    for (std::size_t k = 0; k < order.size(); ++k)
       for (std::size_t j = k + 1; j < order.size() && bounds_[order[j]].min()[0] <= bounds_[order[k]].max()[0]; ++j) {
         const Index m = order[k], n = order[j];
         if ((m >= t.owned() && n >= t.owned()) || !bounds_[m].intersects(bounds_[n])) continue;
-        const Bounds common = bounds_[m].intersection(bounds_[n]);
-        seen_.piercing = find(m, n, common);
-        if (!seen_.piercing) seen_.piercing = find(n, m, common);
-        if (seen_.piercing) return;
+        if (!visit(m, n)) return;
       }
   }
 
@@ -128,5 +152,23 @@ bool pierces(const Vec<3>& p, const Vec<3>& q, const Vec<3>& a, const Vec<3>& b,
 }
 
 SurfacesLook look_at_surfaces(const StateView<3>& s) { return Look(s).all(); }
+
+std::optional<std::pair<Index, Index>> find_enclosed(const StateView<3>& s) { return Look(s).enclosed(); }
+
+void check_crosses_nothing(const Surface& surface) {
+  const RestingSurface resting(surface);
+  const SurfacesLook seen = look_at_surfaces(resting.view());
+  if (const auto& p = seen.self_piercing)
+    throw InputError("the surface crosses itself: the edge from vertex {} to {} pierces face {}; move its vertices",
+                     p->a, p->b, p->face);
+  if (!seen.crossing_itself) return;
+  const StateView<3> s = resting.view();
+  const SurfaceShape shape = look_at_surface(s.x, s.topology, *s.topology.surfaces, 0);
+  const Hinge& h = surface.hinges[static_cast<std::size_t>(shape.sharpest_hinge)];
+  throw InputError(
+      "faces {} and {}, which meet at the edge from vertex {} to {}, form an angle of {:.3g} degrees; a particle needs "
+      "at least 60: blunt the edge",
+      h.left, h.right, h.a, h.b, std::acos(-shape.least_cosine) * 180 / pi);
+}
 
 }  // namespace pliant

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <utility>
 
 #include <pliant/model/surface.h>
 #include <pliant/model/term.h>
@@ -48,5 +49,11 @@ bool pierces(const Vec<3>& p, const Vec<3>& q, const Vec<3>& a, const Vec<3>& b,
 /// Compares all edges with all faces of particles that are near each other, ghosts included, so that each piercing of
 /// two surfaces is found wherever the vertices are. Costs about as much as a few force evaluations.
 SurfacesLook look_at_surfaces(const StateView<3>& s);
+
+/// The particles m and n of which n is inside m, although they do not pierce each other; else nothing.
+std::optional<std::pair<Index, Index>> find_enclosed(const StateView<3>& s);
+
+/// Errors: InputError for a surface that crosses itself in the shape of its mesh, so that it cannot be a particle.
+void check_crosses_nothing(const Surface& surface);
 
 }  // namespace pliant

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 
 #include <pliant/geometry/hinge.h>
 #include <pliant/model/parameter.h>
@@ -38,6 +39,19 @@ struct SurfaceTerm {
   Shape shape(const StateView<3>& s, Index m) const {
     const Surfaces& all = *s.topology.surfaces;
     return {s, all.of(s.topology, m), m, s.topology.offset[m], all.scale(s.topology, m)};
+  }
+  /// The largest value of any kind of surface; at least the value in icospheres.
+  static Real largest_of_kinds(const Topology& topology, Real in_icospheres,
+                               const std::function<Real(const Surface&)>& value);
+  /// Largest eigenvalue of the Hessian of a surface alone and at rest.
+  static Real stiffest_mode(const Surface& surface,
+                            const std::function<void(const StateView<3>&, BlockSink<3>&)>& add_hessian);
+  /// Largest eigenvalue of the Hessian of a term, over all kinds of surfaces at rest.
+  template <class Term>
+  static Real stiffest_mode_of(const Topology& topology, Real in_icospheres, const Term& term) {
+    return largest_of_kinds(topology, in_icospheres, [&](const Surface& surface) {
+      return stiffest_mode(surface, [&](const StateView<3>& s, BlockSink<3>& sink) { term.add_hessian(s, 0, sink); });
+    });
   }
   /// ω where ω² = k/m with the smallest mass of a vertex.
   static Real rate(const Topology& topology, Real k) {
@@ -76,7 +90,7 @@ struct Volume : SurfaceTerm {
     }
   }
   void add_hessian(const StateView<3>& s, Index m, BlockSink<3>& h) const;
-  /// Breathing mode: ω² = k_v S0²/M, S0 the rest area of the surface.
+  /// Breathing mode: ω² = k_v S0²/M in an icosphere, S0 the rest area of the surface.
   Real max_rate(const Topology& topology) const;
 
  private:
@@ -136,7 +150,9 @@ struct FaceArea : FaceEnergy<FaceArea> {
   }
   bool enabled(const StateView<3>& s) const { return s.topology.surfaces && k_a > 0; }
   /// ω² = 4.62 k_a/m in an icosphere.
-  Real max_rate(const Topology& topology) const { return rate(topology, 4.62 * k_a); }
+  Real max_rate(const Topology& topology) const {
+    return rate(topology, stiffest_mode_of(topology, 4.62, FaceArea{{}, 1}) * k_a);
+  }
 
   Real value(Real a, Real a0) const { return k_a / 2 * square(a - a0) / a0; }
   Real slope(Real a, Real a0) const { return k_a * (a - a0) / a0; }
@@ -154,7 +170,9 @@ struct SurfaceTension : FaceEnergy<SurfaceTension> {
   }
   bool enabled(const StateView<3>& s) const { return s.topology.surfaces && gamma > 0; }
   /// ω² = 5.2 γ/m in an icosphere.
-  Real max_rate(const Topology& topology) const { return rate(topology, 5.2 * gamma); }
+  Real max_rate(const Topology& topology) const {
+    return rate(topology, stiffest_mode_of(topology, 5.2, SurfaceTension{{}, 1}) * gamma);
+  }
 
   Real value(Real a, Real) const { return gamma * a; }
   Real slope(Real, Real) const { return gamma; }
@@ -190,7 +208,9 @@ struct EdgeLength : SurfaceTerm {
   }
   void add_hessian(const StateView<3>& s, Index m, BlockSink<3>& sink) const;
   /// ω² = 6 k_l/m in an icosphere.
-  Real max_rate(const Topology& topology) const { return rate(topology, 6 * k_l); }
+  Real max_rate(const Topology& topology) const {
+    return rate(topology, stiffest_mode_of(topology, 6, EdgeLength{{}, 1}) * k_l);
+  }
 };
 
 /// U = k_b Σ_h (1 − cos(θ_h − θ_h0)), θ_h the angle between the normals n̂, n̂' of the two faces of an edge, positive

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <memory>
 #include <span>
 #include <string_view>
 #include <utility>
@@ -19,6 +20,8 @@
 #include <pliant/io/crc32.h>
 #include <pliant/io/hdf5.h>
 #include <pliant/model/polygon.h>
+#include <pliant/model/surface_arrays.h>
+#include <pliant/model/surface_crossing.h>
 #include <pliant/run/overlap_check.h>
 #include <pliant/run/start_table.h>
 #include <pliant/run/stored_sizes.h>
@@ -97,6 +100,17 @@ class StoredFrame {
                spins = needs_.rotates ? optional("spins", per_turn) : std::vector<Real>();
     StartParticles all;
     all.topology.dim = needs_.dim;
+    const auto surfaces = std::make_shared<Surfaces>();
+    SurfaceArrays arrays;
+    if (needs_.dim == 3 && needs_.polygons) {
+      arrays = read_surfaces(n);
+      try {
+        surfaces->kinds = arrays.kinds();
+      } catch (const InputError& error) {
+        throw InputError("{}: topology/surfaces: {}; give another file", name_, error.what());
+      }
+      all.topology.surfaces = surfaces;
+    }
     const auto append = [](std::vector<Real>& to, const std::vector<Real>& from, std::size_t first, std::size_t count) {
       if (!from.empty())
         to.insert(to.end(), from.begin() + static_cast<std::ptrdiff_t>(first),
@@ -106,16 +120,21 @@ class StoredFrame {
       if (active[m] == 0) continue;
       const Index count = offset[m + 1] - offset[m];
       const auto first = static_cast<std::size_t>(offset[m]);
-      if ((count > 1) != needs_.polygons || count == 2)
+      if ((count > 1) != needs_.polygons || count == 2 ||
+          (needs_.dim == 3 && count > 1 && count != arrays.vertices_of_kind[static_cast<std::size_t>(arrays.kind[m])]))
         throw InputError("{}: particle {} has {} {}, but particles of the model {} {}; use another model", name_, m,
                          count, count == 1 ? "point" : "points", needs_.model,
-                         needs_.polygons ? "are polygons" : "have one point each");
+                         !needs_.polygons  ? "have one point each"
+                         : needs_.dim == 2 ? "are polygons"
+                                           : "are closed surfaces of as many points as their faces have");
       for (const auto& [name, value] : {std::pair("diameter", diameter[first]), std::pair("mass", mass[m]),
                                         std::pair("a0", a0[m]), std::pair("l0", count > 1 ? l0[m] : 1)})
         if (!(value > 0 && std::isfinite(value)))
           throw InputError("{}: {} of particle {} is {:g}, but must be positive and finite", name_, name, m, value);
       if (count == 1)
         all.topology.add_soft(sigma[m], mass[m]);
+      else if (needs_.dim == 3)
+        surfaces->add_particle(all.topology, arrays.kind[m], a0[m], diameter[first], mass[m]);
       else
         all.topology.add_polygon(count, a0[m], l0[m], diameter[first], mass[m]);
       append(all.x, x, first * dim, static_cast<std::size_t>(count) * dim);
@@ -144,7 +163,7 @@ class StoredFrame {
     for (const auto& [one, other] : {std::pair("rough", "smooth"), std::pair("smooth", "rough")})
       if (model == one && needs_.model == other)
         throw InputError(
-            "{} is of the model {}, whose polygons have other vertices than the model {}; use the model {}", name_,
+            "{} is of the model {}, whose particles have other vertices than the model {}; use the model {}", name_,
             model, needs_.model, model);
     if (!manifest_->has("datasets")) return;  // older versions
     const auto datasets = nlohmann::json::parse(manifest_->read_text("datasets"), nullptr, false);
@@ -152,6 +171,24 @@ class StoredFrame {
     if (const std::string unit = datasets["topology/sigma"].value("units", ""); unit != needs_.length)
       throw InputError("{} has lengths in {}, but this run has lengths in {}; convert the frame to a table", name_,
                        unit, needs_.length);
+  }
+
+  /// Rest shapes of the surfaces of n particles.
+  SurfaceArrays read_surfaces(std::size_t n) const {
+    if (!topology_->has("surfaces"))
+      throw InputError(
+          "{} has no closed surfaces with rest shapes: their particles have another shape, or the file is of an older "
+          "version; give the file of a newer run of rough or smooth particles",
+          name_);
+    const hdf5::Group group = topology_->open_group("surfaces");
+    SurfaceArrays arrays;
+    SurfaceArrays::for_each(
+        arrays, [&]<class Number>(const std::string& name, std::vector<Number>& values, std::uint64_t width) {
+          hdf5::Shape shape{name == "kind" ? n : hdf5::any_length};
+          if (width > 1) shape.push_back(width);
+          values = read<Number>(group, name, shape);
+        });
+    return arrays;
   }
 
   template <class T>
@@ -231,6 +268,24 @@ void check_overlaps(const StartParticles& particles, const std::string& file) {
     }
 }
 
+/// Errors: InputError for a surface without a meaning, or one that crosses itself or another one.
+void check_surfaces(const StartParticles& all, const std::string& text) {
+  const Neighbours<3> none{NeighbourNeeds{}, 0};
+  const Walls<3> walls;
+  const StateView<3> view{all.x.data(), nullptr, all.topology, none, walls};
+  const SurfacesLook seen = look_at_surfaces(view);
+  const auto refuse = [&](Index m, const std::string& fault) {
+    throw InputError("-start {}: particle {} {}; give another frame", printable(text), m, fault);
+  };
+  if (const auto& shape = seen.bad_shape)
+    refuse(shape->particle, shape->kind == BadShape::Kind::inverted
+                                ? "is inverted: its volume is not positive"
+                                : fmt::format("has no area in its face {}", shape->face));
+  if (seen.crossing_itself) refuse(*seen.crossing_itself, "crosses itself");
+  if (seen.piercing) refuse(seen.piercing->particle, fmt::format("pierces particle {}", seen.piercing->other));
+  if (const auto pair = find_enclosed(view)) refuse(pair->second, fmt::format("is inside particle {}", pair->first));
+}
+
 }  // namespace
 
 std::optional<std::string> outline_fault(const Topology& topology, Index m, const Real* x) {
@@ -249,6 +304,9 @@ StartParticles read_start(const std::string& text, const StartNeeds& needs) {
   const StartName name = split(text);
   if (std::error_code none; fs::is_directory(name.file, none))
     throw InputError("-start {}: is a folder; give its run.h5, or a table", printable(name.file));
+  if (!name.run() && needs.dim == 3 && needs.polygons)
+    throw InputError("-start {}: a table has no faces, which closed surfaces need; give the run.h5 of a run",
+                     printable(text));
   StartParticles all = name.run() ? StoredFrame(name, needs).particles() : read_start_table(name.file, needs);
   const Topology& topology = all.topology;
   const int dim = needs.dim;
@@ -257,7 +315,8 @@ StartParticles read_start(const std::string& text, const StartNeeds& needs) {
       if (!std::isfinite((*values)[k]))
         throw InputError("-start {}: a {} of particle {} is {}; give finite numbers", printable(text), what,
                          topology.particle[k / static_cast<std::size_t>(dim)], (*values)[k]);
-  for (Index m = 0; needs.polygons && m < topology.particles(); ++m)
+  if (topology.surfaces) check_surfaces(all, text);
+  for (Index m = 0; needs.polygons && dim == 2 && m < topology.particles(); ++m)
     if (const auto fault = outline_fault(topology, m, all.x.data()))
       throw InputError("-start {}: particle {}: {}", printable(text), m, *fault);
   all.height = all.x[static_cast<std::size_t>(dim) - 1];
@@ -306,7 +365,7 @@ void StartOption::check(Real dt, const std::function<std::optional<std::string>(
           "give a lower velocity, or a shorter -dt",
           file, m, speed, dt);
   }
-  check_overlaps<D>(*particles_, file_);
+  if (!all.surfaces) check_overlaps<D>(*particles_, file_);
 }
 
 template <int D>

@@ -2,9 +2,33 @@
 
 #include <cstdint>
 #include <limits>
+#include <memory>
+#include <type_traits>
 #include <vector>
 
+#include <pliant/base/errors.h>
+#include <pliant/model/surface_arrays.h>
+
 namespace pliant {
+namespace {
+
+std::string surface_entry(const std::string& prefix, const std::string& name) { return prefix + "surface_" + name; }
+
+SurfaceArrays read_surfaces(const std::string& prefix, const Checkpoint& from) {
+  SurfaceArrays arrays;
+  SurfaceArrays::for_each(arrays, [&]<class Number>(const std::string& name, std::vector<Number>& values, int) {
+    const std::string entry = surface_entry(prefix, name);
+    if constexpr (std::is_same_v<Number, Real>) {
+      values = from.real_array(entry, from.length(entry));
+    } else {
+      const auto& stored = from.integer_array(entry, from.length(entry), 0, Checkpoint::any_count);
+      values.assign(stored.begin(), stored.end());
+    }
+  });
+  return arrays;
+}
+
+}  // namespace
 
 void save_sizes(const std::string& prefix, const Topology& all, SharedCheckpoint& to) {
   std::vector<std::int64_t> points;
@@ -20,6 +44,12 @@ void save_sizes(const std::string& prefix, const Topology& all, SharedCheckpoint
   to.add(prefix + "inverse_point_mass", all.inverse_point_mass);
   to.add(prefix + "a0", all.a0);
   to.add(prefix + "l0", all.l0);
+  if (!all.surfaces) return;
+  const SurfaceArrays arrays(*all.surfaces);
+  SurfaceArrays::for_each(arrays, [&]<class Number>(const std::string& name, const std::vector<Number>& values, int) {
+    using Stored = std::conditional_t<std::is_same_v<Number, Real>, Real, std::int64_t>;
+    to.add(surface_entry(prefix, name), std::vector<Stored>(values.begin(), values.end()));
+  });
 }
 
 Topology read_sizes(const std::string& prefix, int dim, const Checkpoint& from) {
@@ -33,8 +63,21 @@ Topology read_sizes(const std::string& prefix, int dim, const Checkpoint& from) 
         &l0 = from.real_array(prefix + "l0", n, 0);
   Topology all;
   all.dim = dim;
+  const auto surfaces = std::make_shared<Surfaces>();
+  SurfaceArrays arrays;
+  if (from.integers.contains(surface_entry(prefix, "kind"))) {
+    arrays = read_surfaces(prefix, from);
+    try {
+      surfaces->kinds = arrays.kinds();
+    } catch (const InputError& error) {
+      from.refuse("{}: {}", surface_entry(prefix, "kind"), error.what());
+    }
+    all.surfaces = surfaces;
+  }
   for (std::size_t m = 0; m < n; ++m)
-    if (points[m] == 1)
+    if (all.surfaces)
+      surfaces->add_particle(all, arrays.kind[m], a0[m], width[m], mass[m]);
+    else if (points[m] == 1)
       all.add_soft(width[m], mass[m]);
     else
       all.add_polygon(static_cast<Index>(points[m]), a0[m], l0[m], width[m], mass[m]);

@@ -10,6 +10,8 @@
 #include <pliant/base/errors.h>
 #include <pliant/base/rng.h>
 #include <pliant/model/surface.h>
+#include <pliant/model/surface_crossing.h>
+#include <pliant/model/surface_measures.h>
 #include <pliant/setup/streams.h>
 
 namespace pliant {
@@ -170,14 +172,26 @@ Real regular_shape_parameter(Index vertices) { return vertices / pi * std::tan(p
 
 namespace {
 
+/// Errors: InputError for a mesh that cannot be a particle.
+void check_particle(const Surface& surface, ModelKind kind) {
+  check_crosses_nothing(surface);
+  const Real delta = surface.mean_rest_length();
+  if (const Real gap = widest_gap(surface); kind == ModelKind::rough && gap >= delta)
+    throw InputError(
+        "a face has a place at {:.3g} times the mean length of an edge from its vertices, so vertices of other rough "
+        "particles pass through; use triangles of more equal size, or smooth particles",
+        gap / delta);
+}
+
 Topology make_surfaces(ModelKind kind, const std::vector<Real>& diameters, const PolygonShape& shape) {
   Topology topology;
   topology.dim = 3;
   const auto surfaces = std::make_shared<Surfaces>();
-  const TriangleMesh mesh = icosphere(shape.vertices);
+  const TriangleMesh mesh = shape.mesh ? *shape.mesh : icosphere(shape.vertices);
   surfaces->kinds.push_back(shape.shape_parameter > 0 ? surface_with_shape(mesh, shape.shape_parameter)
                                                       : relaxed_surface(mesh));
   const Surface& surface = surfaces->kinds.back();
+  if (shape.mesh) check_particle(surface, kind);
   for (const Real sigma : diameters) {
     const Real volume = pi * sigma * square(sigma) / 6, length = surface.mean_rest_length() * sigma / surface.sigma;
     surfaces->add_particle(topology, 0, volume, kind == ModelKind::smooth ? shape.edge_width * length : length, volume);

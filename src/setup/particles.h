@@ -2,10 +2,12 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include <pliant/catalogue/catalogue.h>
+#include <pliant/geometry/mesh.h>
 #include <pliant/model/topology.h>
 
 namespace pliant {
@@ -36,11 +38,12 @@ struct RadiusDistribution {
 /// n radii; small droplets are in random places. Deviations beyond ±3 δ are drawn again.
 std::vector<Real> draw_radii(const RadiusDistribution& distribution, Index n, std::uint64_t seed);
 
-/// Parameters of a deformable particle: a polygon, or in space an icosphere.
+/// Parameters of a deformable particle: a polygon, or in space an icosphere or another surface.
 struct PolygonShape {
   Index vertices = 16;
   Real shape_parameter = 0;  ///< 𝒜0 = (Nv l0)²/(4π a0), in space S0^(3/2)/(6 √π V0); 0: regular polygon, icosphere
   Real edge_width = 0.1;     ///< smooth particles: δ/l0
+  std::shared_ptr<const TriangleMesh> mesh = nullptr;  ///< in space: the shape, in any size, instead of an icosphere
 };
 
 /// (Nv/π) tan(π/Nv).
@@ -48,7 +51,8 @@ Real regular_shape_parameter(Index vertices);
 
 /// Particles of the given diameters with ρ = 1: soft particles, polygons with a0 = πσ²/4 and l0 from 𝒜0, or in space
 /// surfaces of the volume πσ³/6. Errors: InputError for a shape parameter that no such shape has, and in space for a
-/// number of vertices that no icosphere has.
+/// number of vertices that no icosphere has, a mesh that crosses itself, and one of rough particles with faces through
+/// which vertices pass.
 Topology make_particles(ModelKind kind, int dim, const std::vector<Real>& diameters, const PolygonShape& shape);
 
 /// Margin of the neighbour lists at the start of a run, in mean diameters.

@@ -104,7 +104,7 @@ class Results:
     """The data of a run, read with h5py only."""
 
     def __init__(self, folder):
-        folder = Path(folder)
+        self.folder = folder = Path(folder)
         self.frames, self.series, self.events, self.topology = [], {}, {}, {}
         with h5py.File(folder / "run.h5") as file:
             for name in sorted(file["frames"]):

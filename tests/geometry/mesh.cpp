@@ -10,7 +10,7 @@
 #include <string>
 
 #include <pliant/base/errors.h>
-#include <pliant/geometry/mesh.h>
+#include <pliant/geometry/off_text.h>
 
 namespace pliant::test::mesh_test {
 
@@ -205,6 +205,13 @@ TEST_CASE("surfaces from OFF and OBJ files") {
 
   CHECK(thrown([] { read_mesh("ball.stl"); }) == "mesh file ball.stl: the name must end with .off or .obj");
   CHECK_THAT(thrown([] { read_mesh("/no/such/ball.off"); }), Catch::Contains("cannot be opened"));
+
+  TriangleMesh odd = icosphere(12);
+  odd.vertices[3] *= 1 + 1.0 / 3;
+  const TriangleMesh again = mesh_of_off(off_text(odd), "text");
+  CHECK(again.vertices == odd.vertices);
+  CHECK(again.faces == odd.faces);
+  CHECK_THAT(thrown([] { mesh_of_off("OFF 4 4\n0 0 0\n", "text"); }), Catch::StartsWith("text: line 2: the file ends"));
 
   struct Bad {
     std::string text, end, message;

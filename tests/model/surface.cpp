@@ -6,6 +6,8 @@
 #include <cmath>
 
 #include <pliant/base/errors.h>
+#include <pliant/model/surface_arrays.h>
+#include <pliant/model/surface_measures.h>
 #include <pliant/model/surface_terms.h>
 
 #include "support/configurations.h"
@@ -199,6 +201,102 @@ TEST_CASE("fastest modes of icospheres") {
       CHECK(fastest > 0.25 * limit);
     }
   }
+}
+
+TEST_CASE("fastest modes of uneven surfaces") {
+  // Two tips with twelve edges each, and a long icosphere.
+  TriangleMesh tips, drawn = icosphere(42);
+  for (int k = 0; k < 12; ++k) tips.vertices.emplace_back(std::cos(pi * k / 6), std::sin(pi * k / 6), 0);
+  tips.vertices.emplace_back(0, 0, 0.7);
+  tips.vertices.emplace_back(0, 0, -0.7);
+  for (Index k = 0; k < 12; ++k) {
+    tips.faces.push_back({k, (k + 1) % 12, 12});
+    tips.faces.push_back({(k + 1) % 12, k, 13});
+  }
+  for (Vec<3>& r : drawn.vertices) r[2] *= 2.5;
+  int beyond_icospheres = 0;
+  for (const TriangleMesh& mesh : {tips, drawn}) {
+    Configuration<3> c = resting(mesh, 1.4);
+    for (const auto& [name, field] : each_term()) {
+      INFO(name << ", " << mesh.vertices.size() << " vertices");
+      DenseSink<3> sink(c.topology.points());
+      field->hessian(c.view(), sink);
+      const Real fastest =
+          Eigen::SelfAdjointEigenSolver<MatrixXd>(sink.matrix, Eigen::EigenvaluesOnly).eigenvalues().maxCoeff() /
+          c.topology.mass(0);
+      const Real limit = 4 / square(field->critical_step(c.topology).one_contact());
+      CHECK(fastest < 1.02 * limit);
+      CHECK(fastest > 0.2 * limit);
+      if (name == "edge" && fastest > 6.1 * 4 / c.topology.mass(0)) ++beyond_icospheres;
+    }
+  }
+  CHECK(beyond_icospheres > 0);
+}
+
+TEST_CASE("surfaces as arrays") {
+  Surfaces surfaces;
+  surfaces.kinds = {relaxed_surface(tetrahedron()), surface_with_shape(icosphere(12), 1.2)};
+  Topology t;
+  t.dim = 3;
+  for (const Index k : {1, 0, 1}) surfaces.add_particle(t, k, 1 + 0.1 * k, 0.1, 2);
+  const SurfaceArrays arrays(surfaces);
+  CHECK(arrays.kind == std::vector<Index>{1, 0, 1});
+  const std::vector<Surface> again = arrays.kinds();
+  REQUIRE(again.size() == 2);
+  for (int k = 0; k < 2; ++k) {
+    const Surface& one = surfaces.kinds[k];
+    CHECK(again[k].vertices == one.vertices);
+    CHECK(again[k].faces == one.faces);
+    CHECK(again[k].hinges == one.hinges);
+    CHECK(again[k].volume == one.volume);
+    CHECK(again[k].sigma == one.sigma);
+    CHECK(again[k].rest_area == one.rest_area);
+    CHECK(again[k].rest_length == one.rest_length);
+    CHECK(again[k].rest_angle == one.rest_angle);
+    CHECK(again[k].around == one.around);
+    CHECK(again[k].lowest_face == one.lowest_face);
+  }
+  SurfaceArrays bad = arrays;
+  bad.rest_area[0] = -1;
+  CHECK_THROWS_WITH(bad.kinds(), "a rest size of a surface is -1");
+  bad = arrays;
+  bad.faces.pop_back();
+  CHECK_THROWS_WITH(bad.kinds(), Catch::Contains("do not fit"));
+  bad = arrays;
+  std::swap(bad.faces[0], bad.faces[1]);
+  CHECK_THROWS_WITH(bad.kinds(), Catch::Contains("both run from vertex"));
+  bad = arrays;
+  bad.kind[0] = 2;
+  CHECK_THROWS_WITH(bad.kinds(), "there is no surface 2");
+}
+
+TEST_CASE("gaps between the vertices of faces, and the inside of a surface") {
+  const Surface corner = relaxed_surface(tetrahedron());  // right angles at the origin: the large face is equilateral
+  CHECK(widest_gap(corner) == Approx(std::sqrt(2.0 / 3)));
+  CHECK(stretch(surface_with_shape(icosphere(12), 1.2)) == Approx(std::cbrt(1.2 / 1.09844)).epsilon(1e-5));
+  TriangleMesh obtuse = tetrahedron();
+  obtuse.vertices[3] = Vec<3>(0.5, 0.5, 0.1);  // faces over the long edge have an obtuse angle
+  Random random(1);
+  const Surface flat = relaxed_surface(obtuse);
+  Real widest = 0;
+  for (int k = 0; k < 200000; ++k) {
+    const Face& face = flat.faces[k % 4];
+    Real a = random(0, 1), b = random(0, 1);
+    if (a + b > 1) a = 1 - a, b = 1 - b;
+    const Vec<3>&p = flat.vertices[face[0]], &q = flat.vertices[face[1]], &r = flat.vertices[face[2]];
+    const Vec<3> place = p + a * (q - p) + b * (r - p);
+    widest = std::max(widest, std::min({(place - p).norm(), (place - q).norm(), (place - r).norm()}));
+  }
+  CHECK(widest_gap(flat) == Approx(widest).epsilon(0.01));
+
+  Configuration<3> c = resting(icosphere(42), 1);
+  const auto inside = [&](const Vec<3>& place) {
+    return inside_surface(c.x.data(), c.topology, c.topology.surfaces->kinds[0], 0, place);
+  };
+  CHECK(inside(Vec<3>::Zero()));
+  CHECK(inside(0.95 * c.position(7)));
+  CHECK_FALSE(inside(1.05 * c.position(7)));
+  CHECK_FALSE(inside(Vec<3>(0, 3, 0)));
 }
 
 TEST_CASE("rest shapes of surfaces") {

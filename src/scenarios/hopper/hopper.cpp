@@ -18,12 +18,12 @@
 #include <pliant/model/drag.h>
 #include <pliant/model/lip_contact.h>
 #include <pliant/model/polygon.h>
-#include <pliant/model/surface_crossing.h>
 #include <pliant/run/crossing_watch.h>
 #include <pliant/run/heat.h>
 #include <pliant/run/memory.h>
 #include <pliant/run/overlap_check.h>
 #include <pliant/run/run.h>
+#include <pliant/run/surface_check.h>
 #include <pliant/scenarios/hopper/blockage.h>
 #include <pliant/scenarios/hopper/measurements.h>
 #include <pliant/scenarios/hopper/orifice_counter.h>
@@ -257,7 +257,7 @@ class HopperProtocol final : public Protocol<D> {
     last_sample_ = take_sample<D>(particles(), s, *p_.container, counter_.flow(), run().last_dt());
     check_particles();
     if constexpr (D == 3)
-      if (deformable()) check_surfaces();
+      if (deformable()) check_shapes();
     if (audit() != nullptr) add_budget(last_sample_.row, audit_, this->simulation());
     count_self_crossings();
     warn_of_short_edges();
@@ -440,36 +440,15 @@ class HopperProtocol final : public Protocol<D> {
   }
 
   /// Stops the run at surfaces that pierce each other, and at shapes without meaning.
-  void check_surfaces() requires(D == 3) {
-    const StateView<3> view = this->simulation().view();
-    const Topology& own = view.topology;
-    const auto id = [&](Index m) { return own.id[m]; };
-    const auto edge = [&](const Piercing& p) {
-      return fmt::format("the edge from vertex {} to {} of particle {} pierces face {}", p.a, p.b, id(p.particle),
-                         p.face);
-    };
-    const std::string stiffer_shape =
-        fmt::format("raise {}, or {}", p_.model.options({Role::area, Role::perimeter, Role::bending}), shorten());
-    ranks().together([&] {
-      const SurfacesLook seen = look_at_surfaces(view);
-      self_crossings_ = seen.self_crossings;
-      if (seen.piercing)
-        throw NumericalError("{} of particle {}: stiffen the contacts ({}, now {:g}), {}", edge(*seen.piercing),
-                             id(seen.piercing->other), p_.model.option(Role::contact_energy),
-                             p_.model.value(Role::contact_energy), stiffer_shape);
-      if (seen.bad_shape)
-        throw NumericalError("particle {} {}: {}", id(seen.bad_shape->particle),
-                             seen.bad_shape->kind == BadShape::Kind::inverted
-                                 ? "has turned inside out: its volume is not positive"
-                                 : fmt::format("has lost the area of its face {}", seen.bad_shape->face),
-                             stiffer_shape);
-      if (seen.crossing_itself && p_.self_crossing == OnSelfCrossing::stop)
-        throw NumericalError(
-            "particle {} crosses itself: {}; {}; -self_crossing count continues the run, but volumes of such particles "
-            "are wrong",
-            id(*seen.crossing_itself),
-            seen.self_piercing ? edge(*seen.self_piercing) : "two of its faces fold over each other", stiffer_shape);
-    });
+  void check_shapes() requires(D == 3) {
+    self_crossings_ = check_surfaces(
+        this->simulation().view(), ranks(),
+        {.contacts = fmt::format("stiffen the contacts ({}, now {:g})", p_.model.option(Role::contact_energy),
+                                 p_.model.value(Role::contact_energy)),
+         .shape =
+             fmt::format("raise {}, or {}", p_.model.options({Role::area, Role::perimeter, Role::bending}), shorten()),
+         .self_crossing = "; -self_crossing count continues the run, but volumes of such particles are wrong",
+         .self_crossing_stops = p_.self_crossing == OnSelfCrossing::stop});
   }
 
   SelfCrossingWatch self_crossing_watch() const {

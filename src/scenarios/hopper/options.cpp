@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <memory>
 #include <stdexcept>
 #include <string>
 
 #include <pliant/base/console.h>
 #include <pliant/base/errors.h>
+#include <pliant/geometry/off_text.h>
 #include <pliant/model/drag.h>
 #include <pliant/scenarios/hopper/shapes.h>
 #include <pliant/scenarios/particles/options.h>
@@ -66,6 +68,12 @@ void HopperOptions::bind(Options& o) {
   o.bind("seed", seed, {.help = "seed of all random numbers", .min = 0, .on_restart = fixed});
   bind_sizes(o, sizes);
   bind_shape(o, shape);
+  o.bind("mesh", mesh,
+         {.help = "3D: OFF or OBJ file with the surface of a particle, in any size, instead of an icosphere",
+          .on_restart = fixed,
+          .read = [](const std::string& file, const std::filesystem::path& folder) {
+            return off_text(read_mesh(path_from(folder, file)));
+          }});
 
   o.group("Hopper");
   o.bind("hopper_width", hopper.orifice,
@@ -191,14 +199,15 @@ void HopperOptions::bind(Options& o) {
 }
 
 void HopperOptions::take_start(const std::optional<Checkpoint>& checkpoint) {
-  if (start.given() && dim == 3 && deformable())
-    throw InputError("-start with -dim 3 and -model {}: runs of deformable surfaces start from a packing; leave it out",
-                     model.name);
   start.take(start_needs(model, dim, shape), checkpoint);
   if (start.given()) particles = start.particles().topology.particles();
 }
 
 void HopperOptions::resolve() {
+  if (!mesh.empty()) {
+    shape.mesh = std::make_shared<TriangleMesh>(mesh_of_off(mesh, "-mesh"));
+    shape.vertices = static_cast<Index>(shape.mesh->vertices.size());
+  }
   resolve_vertices(shape, dim);
   // sin²θ = 1 of two edges is 4 edge_width² then (Mollifier).
   constexpr Real widest_edge_of_surface = 0.5;
@@ -326,7 +335,7 @@ void HopperOptions::refuse_unread(const Options& options) const {
     refuse(names, contains(readers, model.name), "-model " + model.name, "-model " + alternatives(readers));
   };
   start.refuse(options, {"n", "size_distribution", "size_ratio", "size_fraction", "size_deviation", "n_vertices",
-                         "shape_parameter", "pack_fraction", "pack_tolerance"});
+                         "mesh", "shape_parameter", "pack_fraction", "pack_tolerance"});
   if (start.given() && start.particles().has_widths) start.refuse(options, {"edge_width"});
   model.refuse_unread(options, dynamics == Dynamics::overdamped ? Drag<2>::name() : "");
   const auto with_particles = [&](std::initializer_list<ModelKind> kinds) {
@@ -337,6 +346,9 @@ void HopperOptions::refuse_unread(const Options& options) const {
   };
   refuse_by_model({"n_vertices", "shape_parameter", "self_crossing"},
                   with_particles({ModelKind::rough, ModelKind::smooth}));
+  refuse_by_model({"mesh"}, with_particles({ModelKind::rough, ModelKind::smooth}));
+  refuse({"mesh"}, dim == 3, "-dim 2", "-dim 3");
+  refuse({"n_vertices"}, mesh.empty(), "-mesh", "no -mesh");
   refuse_by_model({"edge_width"}, with_particles({ModelKind::smooth}));
   const std::string these_sizes = "-size_distribution " + sizes.kind;
   refuse({"size_ratio", "size_fraction"}, sizes.kind == "bidisperse", these_sizes, "-size_distribution bidisperse");

@@ -41,6 +41,7 @@ struct HopperOptions : RunOptions {
   Index particles = 0;  ///< 0: automatic
   SizeDistribution sizes;
   PolygonShape shape;
+  std::string mesh;  ///< text of an OFF file, of which shape.mesh is made; empty: none
 
   OnSelfCrossing self_crossing = OnSelfCrossing::stop;
 
