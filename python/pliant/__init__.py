@@ -24,12 +24,12 @@ from .sweep import load_runs, load_table, sweep_table
 
 if TYPE_CHECKING:
     from .scenario_calls import channel, clog, evaluate, hopper, pack, raft, shear, vibrate
-    from .simulation import (Box, Container, Minimum, Moduli, Simulation, Walls, block_average, diameters, flow_rate,
+    from .simulation import (Box, Container, Mesh, Minimum, Moduli, Simulation, Walls, block_average, diameters, flow_rate,
                              regular_polygons, start_up)
 
 #: Name → module that needs the engine.
 _ENGINE = {**{name: "scenario_calls" for name in ("channel", "clog", "evaluate", "hopper", "pack", "raft", "shear", "vibrate")},
-           **{name: "simulation" for name in ("Box", "Container", "Minimum", "Moduli", "Simulation", "Walls", "block_average",
+           **{name: "simulation" for name in ("Box", "Container", "Mesh", "Minimum", "Moduli", "Simulation", "Walls", "block_average",
                                               "diameters", "flow_rate", "regular_polygons", "start_up")}}
 
 __all__ = ["Ensemble", "FolderInUseError", "Frame", "Frames", "Geometry", "InputError", "NumericalError", "OutOfMemoryError",

@@ -120,6 +120,16 @@ def _area(polygon):
     return np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2
 
 
+def _sixfold(corners):
+    """Six times the signed volumes [F] of tetrahedra from the origin to triangles [F, 3, 3]."""
+    return np.einsum("fk,fk->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+
+
+def _volume(vertices, faces):
+    """Signed volume of a surface."""
+    return float(np.sum(_sixfold((vertices - vertices[:1])[faces])) / 6)
+
+
 def _optional(value, name):
     return None if value is None else _number(value, name)
 
@@ -197,16 +207,94 @@ class Box(_Fixed):
         content = np.pi / 4 * np.sum(sizes**2) if dim == 2 else np.pi / 6 * np.sum(sizes**3)
         return cls([float((content / fraction)**(1 / dim))] * dim)
 
-    def pack(self, diameters: ArrayLike, seed: int = 1, n_vertices: int = 0, shape_parameter: float = 0.0) -> Any:
+    def pack(self, diameters: ArrayLike, seed: int = 1, n_vertices: int = 0, shape_parameter: float = 0.0,
+             mesh: Mesh | None = None) -> Any:
         """Positions of particles at random places in the box, pushed apart until they do not overlap: [N, D], or with n_vertices
-        a list of N regular polygons. Errors: InputError for a box that is open in a direction or narrower than a particle;
-        NumericalError if overlaps remain, in a box that is too small."""
+        a list of N regular polygons, in 3D icospheres, or with a mesh of N copies of it. Errors: InputError for a box that is open
+        in a direction or narrower than a particle; NumericalError if overlaps remain, in a box that is too small."""
+        shape = _mesh_of(mesh)
         x = core.pack_box(self.origin, self.lengths, _vector(np.atleast_1d(diameters), "diameters"),
-                          _integer(n_vertices, "n_vertices"), _number(shape_parameter, "shape_parameter"), _seed(seed))
-        return np.split(x, len(x) // n_vertices) if n_vertices else x
+                          _integer(n_vertices, "n_vertices"), _number(shape_parameter, "shape_parameter"), shape, _seed(seed))
+        return _each_particle(x, n_vertices, mesh)
 
     def __repr__(self):
         return f"Box({list(self.lengths)}, origin={list(self.origin)})"
+
+
+class Mesh(_Fixed):
+    """A closed surface of triangles: the faces, and the shape at rest in any size, of deformable particles in 3D.
+
+    vertices: [n, 3]; faces: [m, 3] numbers of vertices, counter-clockwise as seen from outside. Errors: InputError for a surface
+    that is open, inverted, in several parts, with holes through it (Euler number other than 2), or that crosses itself.
+    """
+
+    _cure = "make another Mesh"
+
+    @_as_keywords
+    def __init__(self, vertices: ArrayLike, faces: ArrayLike):
+        triangles = np.asarray(faces)
+        if triangles.dtype.kind not in "iu":
+            raise InputError("faces are no integers; give numbers of vertices [m, 3]")
+        self._core = core.Mesh(_array(vertices, "vertices", 3), np.ascontiguousarray(triangles, dtype=np.int32))
+
+    @classmethod
+    @_as_keywords
+    def icosphere(cls, n_vertices: int = 42) -> Mesh:
+        """The nearly round surface of 12, 42, 162 or 642 vertices with which runs of the hopper start; its volume is pi/6."""
+        self = cls.__new__(cls)
+        self._core = core.Mesh.icosphere(_integer(n_vertices, "n_vertices"))
+        return self
+
+    @classmethod
+    @_as_keywords
+    def read(cls, file: str | os.PathLike) -> Mesh:
+        """The surface of an OFF or OBJ file."""
+        self = cls.__new__(cls)
+        self._core = core.Mesh.read(os.fspath(file))
+        return self
+
+    @property
+    def vertices(self) -> np.ndarray:
+        """[n, 3]; a copy, read-only."""
+        return _read_only(self._core.vertices)
+
+    @property
+    def faces(self) -> np.ndarray:
+        """[m, 3] numbers of vertices; a copy, read-only."""
+        return _read_only(self._core.faces)
+
+    @property
+    def volume(self) -> float:
+        return self._core.volume
+
+    @property
+    def area(self) -> float:
+        return self._core.area
+
+    @property
+    def shape_parameter(self) -> float:
+        """area^(3/2)/(6 sqrt(pi) volume): 1 for a sphere, else larger."""
+        return float(self.area**1.5 / (6 * np.sqrt(np.pi) * self.volume))
+
+    def placed(self, centres: ArrayLike, diameters: ArrayLike = 1.0, rotations: ArrayLike | None = None) -> list[np.ndarray]:
+        """Copies [n, 3] of the vertices, with the volumes of spheres of these diameters, their means at centres [N, 3], turned by
+        rotations [N, 3, 3]."""
+        places = _array(centres, "centres", 3)
+        sizes = _each(diameters, "diameters", len(places)) * np.cbrt(np.pi / 6 / self.volume)
+        turns = np.broadcast_to(np.eye(3), (len(places), 3, 3)) if rotations is None else np.asarray(rotations, dtype=float)
+        if turns.shape != (len(places), 3, 3):
+            raise InputError(f"rotations has the shape {turns.shape}; give a matrix for each particle, ({len(places)}, 3, 3)")
+        shape = self.vertices - self.vertices.mean(axis=0)
+        return [centre + size * shape @ turn.T for centre, size, turn in zip(places, sizes, turns)]
+
+    def __repr__(self):
+        return f"<Mesh of {len(self.vertices)} vertices and {len(self.faces)} faces>"
+
+
+def _mesh_of(mesh):
+    if mesh is not None and not isinstance(mesh, Mesh):
+        raise InputError(f"mesh: {mesh!r} is not a Mesh; give pliant.Mesh(vertices, faces), Mesh.icosphere(42) or Mesh.read(file)")
+    return mesh and mesh._core
 
 
 class Container(_Fixed):
@@ -234,13 +322,14 @@ class Container(_Fixed):
         return self
 
     def pack(self, diameters: ArrayLike, dim: int = 2, fraction: float = 0.8, seed: int = 1, n_vertices: int = 0,
-             shape_parameter: float = 0.0) -> Any:
+             shape_parameter: float = 0.0, mesh: Mesh | None = None) -> Any:
         """Positions of particles that fill it without overlaps, as runs of the hopper start: [N, dim], or with n_vertices a
-        list of N polygons. Errors: NumericalError if they do not fit."""
+        list of N polygons, in 3D icospheres, or with a mesh of N copies of it. Errors: NumericalError if they do not fit."""
+        shape = _mesh_of(mesh)
         x = core.pack_container(self._core, _integer(dim, "dim"), _vector(np.atleast_1d(diameters), "diameters"),
-                                _integer(n_vertices, "n_vertices"), _number(shape_parameter, "shape_parameter"),
+                                _integer(n_vertices, "n_vertices"), _number(shape_parameter, "shape_parameter"), shape,
                                 _number(fraction, "fraction"), _seed(seed))
-        return np.split(x, len(x) // n_vertices) if n_vertices else x
+        return _each_particle(x, n_vertices, mesh)
 
     def inside(self, point: Sequence[float], dim: int = 2) -> bool:
         """Whether a point (x, y), in 3D (ρ, z), is above the orifice, between the walls and in no obstacle."""
@@ -251,6 +340,12 @@ class Container(_Fixed):
     def inflow(self) -> tuple[float, float]:
         """Least and largest x between the vertical walls."""
         return self._core.inflow
+
+
+def _each_particle(x, n_vertices, mesh):
+    """Points [N · n, D] as a list of N particles, if these have several points."""
+    count = n_vertices if mesh is None else len(mesh.vertices)
+    return np.split(x, len(x) // count) if count else x
 
 
 def _obstacles(obstacles):
@@ -403,10 +498,13 @@ class Simulation(_Fixed):
 
     positions: [N, D] centres of disks (D = 2) or spheres (D = 3), with diameters; or polygons: a list of arrays [n, 2] of
     vertices, counter-clockwise, with rest areas a0 and rest edge lengths l0 (by default those that they have) and the
-    diameter of vertices, or width of edges, as diameters (by default l0; smooth: 0.1 l0). mass: of each particle, by default
+    diameter of vertices, or width of edges, as diameters (by default l0; smooth: 0.1 l0); or, in 3D, surfaces: a list of arrays
+    [n, 3] of vertices, with a mesh for all or for each: their faces and their shape at rest, with the rest volumes a0 (by default
+    those that they have), rest areas and lengths of shape_parameter (by default those of the mesh), and the
+    diameter of vertices, or width of edges and faces, as of polygons; l0 is the mean rest length of edges. mass: of each particle, by default
     density · area (volume), of droplets density · radius³. velocities: as positions. walls: Walls, or a Container; box: Box, or lengths [D]; gravity: [D].
 
-    model: sp (soft), disk (frictional, rotating), rough, smooth or shape (polygons), bubble (droplets). integrator: verlet,
+    model: sp (soft), disk (frictional, rotating), rough, smooth or shape (polygons, surfaces), bubble (droplets). integrator: verlet,
     or the name of a type of PETSc TS (rk, cvode, arkimex, alpha2 …) with its options as keywords (ts_rtol=1e-6). Further
     keywords are the parameters of the model and of the integration, listed below.
 
@@ -434,28 +532,28 @@ class Simulation(_Fixed):
 
     @_as_keywords
     def __init__(self, positions: ArrayLike | None = None, diameters: ArrayLike | None = None, *,
-                 polygons: Iterable[ArrayLike] | None = None, a0: ArrayLike | None = None, l0: ArrayLike | None = None,
-                 velocities: ArrayLike | None = None, mass: ArrayLike | None = None, density: float = 1.0,
-                 walls: Walls | Container | None = None, box: Box | Sequence[float] | None = None,
+                 polygons: Iterable[ArrayLike] | None = None, surfaces: Iterable[ArrayLike] | None = None,
+                 mesh: Mesh | Sequence[Mesh] | None = None, shape_parameter: float = 0.0, a0: ArrayLike | None = None,
+                 l0: ArrayLike | None = None, velocities: ArrayLike | None = None, mass: ArrayLike | None = None,
+                 density: float = 1.0, walls: Walls | Container | None = None, box: Box | Sequence[float] | None = None,
                  gravity: Sequence[float] | None = None, model: str | None = None, integrator: str | None = None,
                  output: str | os.PathLike | None = None, frame_interval: float | None = None,
                  sample_interval: float | None = None, checkpoint_interval: float | None = None, **options: Any):
-        if (positions is None) == (polygons is None):
-            raise InputError("give positions and diameters, or polygons")
-        self._model = model if model is not None else "sp" if polygons is None else "rough"
+        self._model = model if model is not None else "sp" if positions is not None else "rough"
         if integrator is None:
             integrator = "rk" if self._model == "bubble" or options.get("dynamics") == "overdamped" else "verlet"
         self._options: dict[str, Any] = {"model": self._model, **_integrator(integrator), **options}
         self._callbacks: list[tuple[Callable[[Simulation], Any], float | None]] = []
         self.force = None
-        if polygons is None:
+        if positions is not None:
             try:
                 self._dim = int(np.asarray(positions).shape[1])
             except (IndexError, ValueError):
                 raise InputError("positions has not the shape [N, 2] or [N, 3]") from None
         else:
-            self._dim = 2
-        particles = self._particles(positions, diameters, polygons, a0, l0, velocities, mass, density)
+            self._dim = 2 if surfaces is None else 3
+        particles = self._particles(positions, diameters, polygons, surfaces, mesh, shape_parameter, a0, l0, velocities, mass,
+                                    density)
         if isinstance(walls, Container):
             container, walls = walls, Walls(self._dim)
             walls.container(container)
@@ -521,8 +619,42 @@ class Simulation(_Fixed):
             text = " ".join(str(error).split())
             self._core.interrupt(f"{type(error).__name__}: {text}" if text else type(error).__name__)
 
-    def _particles(self, positions, diameters, polygons, a0, l0, velocities, mass, density):
-        if polygons is None:
+    def _particles(self, positions, diameters, polygons, surfaces, mesh, shape_parameter, a0, l0, velocities, mass, density):
+        if sum(given is not None for given in (positions, polygons, surfaces)) != 1:
+            raise InputError("give positions and diameters, polygons, or surfaces and a mesh")
+        meshes = []
+        if surfaces is None and (mesh is not None or shape_parameter != 0):
+            raise InputError("mesh and shape_parameter belong to surfaces; leave them out, or give surfaces")
+        if surfaces is not None:
+            if l0 is not None:
+                raise InputError("l0 follows from the mesh of surfaces; leave it out, and scale by a0 or shape_parameter")
+            vertices = [_array(surface, f"surfaces[{k}]", 3) for k, surface in enumerate(surfaces)]
+            if not vertices:
+                raise InputError("there are no surfaces; give at least one")
+            shapes = list(mesh) if isinstance(mesh, (list, tuple)) else [mesh] * len(vertices)
+            if len(shapes) != len(vertices) or None in shapes:
+                raise InputError(f"surfaces need a mesh, or one for each of the {len(vertices)}, with their faces")
+            meshes = [_mesh_of(shape) for shape in shapes]
+            for k, (surface, shape) in enumerate(zip(vertices, shapes)):
+                if len(surface) != len(shape.vertices):
+                    raise InputError(f"surfaces[{k}] has {len(surface)} vertices, but its mesh has {len(shape.vertices)}; give the mesh "
+                                     "with the faces of this surface")
+            x = np.concatenate(vertices)
+            count = np.array([len(surface) for surface in vertices], dtype=np.int32)
+            if a0 is None:
+                a0 = [_volume(surface, shape.faces) for surface, shape in zip(vertices, shapes)]
+                for k, volume in enumerate(a0):
+                    if not volume > 0:
+                        raise InputError(f"surfaces[{k}] has the signed volume {volume:g}; give its vertices in the order of the mesh, "
+                                         "not inverted")
+            a0 = _each(a0, "a0", len(count))
+            shape_parameter = _number(shape_parameter, "shape_parameter")
+            relative = {shape: shape.relative_rest_length(shape_parameter) for shape in set(meshes)}
+            l0 = np.cbrt(a0) * [relative[shape] for shape in meshes]
+            if diameters is None:
+                diameters = 0.1 * l0 if self._model == "smooth" else l0
+            width = _each(diameters, "diameters", len(count))
+        elif polygons is None:
             if a0 is not None or l0 is not None:
                 raise InputError("a0 and l0 belong to polygons; leave them out, or give polygons")
             if diameters is None:
@@ -554,7 +686,7 @@ class Simulation(_Fixed):
             if not 0 < _number(density, "density") < np.inf:
                 raise InputError(f"density is {density}, but must be positive and finite")
             mass = density * ((width / 2)**3 if self._model == "bubble" else np.asarray(a0))
-        return core.ParticleArrays(count, x, v, _each(mass, "mass", len(count)), width, a0, l0)
+        return core.ParticleArrays(count, x, v, _each(mass, "mass", len(count)), width, a0, l0, meshes, float(shape_parameter))
 
     # --- Motion
 
@@ -668,15 +800,16 @@ class Simulation(_Fixed):
         return types.MappingProxyType(dict(self._options))
 
     def add(self, positions: ArrayLike | None = None, diameters: ArrayLike | None = None, *,
-            polygons: Iterable[ArrayLike] | None = None, a0: ArrayLike | None = None, l0: ArrayLike | None = None,
-            velocities: ArrayLike | None = None, mass: ArrayLike | None = None, density: float = 1.0) -> None:
+            polygons: Iterable[ArrayLike] | None = None, surfaces: Iterable[ArrayLike] | None = None,
+            mesh: Mesh | Sequence[Mesh] | None = None, shape_parameter: float = 0.0, a0: ArrayLike | None = None,
+            l0: ArrayLike | None = None, velocities: ArrayLike | None = None, mass: ArrayLike | None = None,
+            density: float = 1.0) -> None:
         """Adds particles, with the arguments of Simulation; in a callback, after it has returned. Then all arrays are
         new: arrays that Python holds keep the old state."""
-        if (positions is None) == (polygons is None):
-            raise InputError("give positions and diameters, or polygons")
         if velocities is not None and not self._inertial:
             raise InputError("velocities of particles without inertia follow from the forces; leave velocities out")
-        self._core.add(self._particles(positions, diameters, polygons, a0, l0, velocities, mass, density))
+        self._core.add(self._particles(positions, diameters, polygons, surfaces, mesh, shape_parameter, a0, l0, velocities, mass,
+                                       density))
 
     def remove(self, ids: ArrayLike) -> None:
         """Removes particles, given by their ids; otherwise as add()."""
@@ -851,6 +984,28 @@ class Simulation(_Fixed):
         return np.split(self.positions, self.offsets[1:-1])
 
     @property
+    def surfaces(self) -> list[np.ndarray]:
+        """Views of the vertices [n, 3] of each particle in 3D, in positions."""
+        return np.split(self.positions, self.offsets[1:-1])
+
+    @property
+    def faces(self) -> np.ndarray:
+        """[F, 3] rows of positions at the corners of all faces of surfaces, counter-clockwise from outside; a copy, read-only.
+        Errors: UsageError for other particles."""
+        topology = self._core.topology()
+        if "faces" not in topology:
+            raise UsageError("these particles have no faces; closed surfaces have")
+        return _read_only(topology["faces"])
+
+    @property
+    def volumes(self) -> np.ndarray:
+        """[N] signed volumes inside surfaces; a copy, read-only. Errors: UsageError for other particles."""
+        faces = self.faces
+        x = self.positions - self.centres[np.searchsorted(self.offsets, np.arange(len(self.positions)), side="right") - 1]
+        owner = np.searchsorted(self.offsets, faces[:, 0], side="right") - 1
+        return _read_only(np.bincount(owner, _sixfold(x[faces]), len(self)) / 6)
+
+    @property
     def images(self) -> np.ndarray:
         """[N, D] by how many lengths of the periodic box each particle was wrapped into it; a copy, read-only."""
         return _read_only(self._core.images())
@@ -910,7 +1065,9 @@ class Simulation(_Fixed):
         from .analysis.particles import Particles, contact_arrays
         topology = self._core.topology()
         areas, box = topology["a0"], self.box
-        if np.any(np.diff(self.offsets) > 1):
+        if np.any(np.diff(self.offsets) > 1) and self._dim == 3:
+            areas = self.volumes
+        elif np.any(np.diff(self.offsets) > 1):
             areas = [_area(polygon) for polygon in self.polygons]
         return Particles(self.centres, radii=topology["sigma"] / 2, velocities=self.centre_velocities, masses=self.masses,
                          volumes=areas, box=None if box is None else np.array([box.origin, box.lengths]), time=self.t,
@@ -989,5 +1146,5 @@ def start_up(series: ArrayLike) -> int:
     return core.start_up(_array(series, "series"))
 
 
-__all__ = ["Box", "Container", "Minimum", "Moduli", "Simulation", "Walls", "block_average", "diameters", "flow_rate",
+__all__ = ["Box", "Container", "Mesh", "Minimum", "Moduli", "Simulation", "Walls", "block_average", "diameters", "flow_rate",
            "regular_polygons", "start_up"]

@@ -7,6 +7,13 @@ import numpy as np
 from .run import Geometry, Topology, touching_pairs
 
 
+def _face_offset(topology):
+    """[N+1] first face of each particle, if there are faces."""
+    if "faces" not in topology:
+        return None
+    return np.searchsorted(topology["faces"][:, 0], topology["offset"]).astype(np.int32)
+
+
 class SimulationRun:
     """What drawings read of a Run."""
 
@@ -18,7 +25,8 @@ class SimulationRun:
         self.dim, self.model = sim.dim, model
         self.droplets = model == "bubble"
         self.topology = Topology(topology["offset"], topology["sigma"], topology["a0"], topology["l0"], topology["mass"],
-                                 np.repeat(topology["diameter"], np.diff(topology["offset"])))
+                                 np.repeat(topology["diameter"], np.diff(topology["offset"])), topology.get("faces"),
+                                 _face_offset(topology))
         self.geometry = Geometry(np.reshape(walls["drawn"], (-1, 4)), np.array(walls["drawn_radius"], dtype=float), np.nan,
                                  np.nan, np.nan, self.scenario, box)
         self.parameters = sim.options
@@ -30,7 +38,9 @@ class SimulationFrame:
     def __init__(self, sim, run):
         self.run, self.time = run, sim.t
         self.centres, self.particle_velocities = sim.centres, sim.centre_velocities
-        self.polygons = [polygon.copy() for polygon in sim.polygons]
+        self.positions = sim.positions.copy()
+        self.polygons = np.split(self.positions, run.topology.offset[1:-1])
+        self.volume = None if run.topology.faces is None else sim.volumes
         self.active = np.ones(len(sim), dtype=bool)
         self.wall_segments = run.geometry.segments
         self._contacts = sim.contacts
@@ -56,10 +66,18 @@ class SimulationFrame:
     def perimeter(self):
         return np.array([np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1).sum() for p in self.polygons])
 
+    @functools.cached_property
+    def surface_area(self):
+        corners = self.positions[self.run.topology.faces]
+        twice = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        return np.add.reduceat(twice, self.run.topology.face_offset[:-1]) / 2
+
     @property
     def content(self):
-        return self.area
+        return self.area if self.run.topology.faces is None else self.volume
 
     @property
     def shape_parameter(self):
+        if self.run.topology.faces is not None:
+            return self.surface_area**1.5 / (6 * np.sqrt(np.pi) * self.volume)
         return self.perimeter**2 / (4 * np.pi * self.area)

@@ -5,6 +5,7 @@ PYBIND11_MODULE(_core, m) {
   m.doc() = "The compiled part of pliant. Use the functions and classes of the package instead.";
   pliant::python::bind_engine(m);
   pliant::python::bind_scenarios(m);
+  pliant::python::bind_meshes(m);
   pliant::python::bind_walls(m);
   pliant::python::bind_simulation(m);
   pliant::python::bind_statistics(m);

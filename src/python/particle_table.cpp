@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <memory>
 #include <tuple>
 #include <utility>
 
+#include <pliant/model/surface.h>
 #include <pliant/run/start_particles.h>
 
 namespace pliant::python {
@@ -24,6 +26,32 @@ void check_positive(const Array& values, const char* name) {
   for (py::ssize_t k = 0; k < values.size(); ++k)
     if (!(values.data()[k] > 0 && std::isfinite(values.data()[k])))
       throw InputError("{}[{}] is {}, but must be positive and finite", name, k, values.data()[k]);
+}
+
+/// The number of a surface among the kinds, where it is new or as before.
+Index kind_of(Surface surface, std::vector<Surface>& kinds) {
+  const auto same = std::ranges::find_if(kinds, [&](const Surface& k) {
+    return k.faces == surface.faces && k.vertices == surface.vertices && k.rest_length == surface.rest_length;
+  });
+  const auto number = static_cast<Index>(same - kinds.begin());
+  if (same == kinds.end()) kinds.push_back(std::move(surface));
+  return number;
+}
+
+void append_surfaces(Topology& topology, const ParticleArrays& arrays) {
+  const auto surfaces =
+      topology.surfaces ? std::make_shared<Surfaces>(*topology.surfaces) : std::make_shared<Surfaces>();
+  std::map<const TriangleMesh*, Index> kinds;
+  for (std::size_t m = 0; m < arrays.meshes.size(); ++m) {
+    const TriangleMesh& mesh = *arrays.meshes[m];
+    if (!kinds.contains(&mesh))
+      kinds[&mesh] =
+          kind_of(arrays.shape_parameter > 0 ? surface_with_shape(mesh, arrays.shape_parameter) : relaxed_surface(mesh),
+                  surfaces->kinds);
+    surfaces->add_particle(topology, kinds[&mesh], arrays.a0.data()[m], arrays.diameter.data()[m],
+                           arrays.mass.data()[m]);
+  }
+  topology.surfaces = surfaces;
 }
 
 }  // namespace
@@ -47,8 +75,13 @@ void append_particles(ParticleTable& to, const ParticleArrays& arrays) {
   for (std::size_t m = 0; m < n; ++m) {
     const Index count = arrays.points_of.data()[m];
     polygons = polygons || count != 1;
-    if (count != 1 && (D != 2 || count < 3))
-      throw InputError("particle {} has {} points; a polygon has at least 3, in 2D, a disk or sphere has 1", m, count);
+    if (count != 1 && D == 2 && count < 3)
+      throw InputError("particle {} has {} points; a polygon has at least 3, a disk has 1", m, count);
+    if (count != 1 && D == 3 && arrays.meshes.size() != n)
+      throw InputError("particle {} has {} points, but no mesh; a sphere has 1", m, count);
+    if (D == 3 && !arrays.meshes.empty() && static_cast<Index>(arrays.meshes[m]->vertices.size()) != count)
+      throw InputError("surface {} has {} vertices, but its mesh has {}; give the mesh with the faces of this surface",
+                       m, count, arrays.meshes[m]->vertices.size());
     points += static_cast<std::size_t>(count);
   }
   if (n == 0) throw InputError("there are no particles; give at least one");
@@ -62,7 +95,11 @@ void append_particles(ParticleTable& to, const ParticleArrays& arrays) {
   Topology& topology = to.topology;
   topology.dim = D;
   const auto first = static_cast<std::size_t>(topology.points());
-  for (std::size_t m = 0; m < n; ++m) {
+  if (!arrays.meshes.empty()) {
+    check_positive(arrays.a0, "a0");
+    append_surfaces(topology, arrays);
+  }
+  for (std::size_t m = 0; m < n && arrays.meshes.empty(); ++m) {
     if (const Index count = arrays.points_of.data()[m]; count == 1)
       topology.add_soft(arrays.diameter.data()[m], arrays.mass.data()[m]);
     else
@@ -79,6 +116,11 @@ void append_particles(ParticleTable& to, const ParticleArrays& arrays) {
       if (topology.points_of(m) == 1) continue;
       if (const auto fault = outline_fault(topology, m, to.x.data())) throw InputError("particle {}: {}", m, *fault);
     }
+  if constexpr (D == 3)
+    for (Index m = topology.particles() - static_cast<Index>(arrays.meshes.size()); m < topology.particles(); ++m)
+      if (const Real volume = surface_volume(to.x.data(), topology, topology.surfaces->of(topology, m), m);
+          !(volume > 0))
+        throw InputError("surface {} has the signed volume {:g}; is it inverted?", m, volume);
   // By default sizes follow from outlines, diameters from l0, and masses from a0 and diameters.
   if (polygons) check_positive(arrays.a0, "a0"), check_positive(arrays.l0, "l0");
   check_positive(arrays.diameter, "diameter");
@@ -89,6 +131,12 @@ template <int D>
 ParticleTable select_particles(const ParticleTable& all, const std::vector<Index>& kept) {
   ParticleTable some;
   some.topology = all.topology.select(kept);
+  if (all.topology.surfaces) {
+    const auto surfaces = std::make_shared<Surfaces>(*all.topology.surfaces);
+    surfaces->kind.clear();
+    for (const Index m : kept) surfaces->kind.push_back(all.topology.surfaces->kind[static_cast<std::size_t>(m)]);
+    some.topology.surfaces = surfaces;
+  }
   std::map<Index, Index> now;
   for (std::size_t k = 0; k < kept.size(); ++k) {
     const Index m = kept[k];

@@ -15,10 +15,6 @@ std::vector<ModelDefinition> all_models() {
   for (const ModelKind kind :
        {ModelKind::sp, ModelKind::rough, ModelKind::smooth, ModelKind::disk, ModelKind::shape, ModelKind::bubble})
     models.push_back(catalogue_model(kind));
-  for (ModelDefinition& model : models)
-    if (model.particles == ModelKind::rough || model.particles == ModelKind::smooth ||
-        model.particles == ModelKind::shape)
-      model.space = {};  // no surfaces yet
   return models;
 }
 
@@ -29,8 +25,11 @@ Settings::Settings() : model(all_models()) { bind(); }
 Settings::Settings(const std::vector<std::string>& arguments) : Settings() {
   arguments_ = arguments;
   options.parse(arguments);
-  model.refuse_unread(options, overdamped() && !droplets() ? Drag<2>::name() : "");
   check();
+}
+
+void Settings::refuse_unread() const {
+  model.refuse_unread(options, overdamped() && !droplets() ? Drag<2>::name() : "");
 }
 
 void Settings::check() const {

@@ -37,6 +37,8 @@ class Settings {
   template <int D>
   Real relaxation_rate(const Topology& particles, const CriticalStep& critical, bool walls) const;
 
+  /// After model.resolve. Errors: InputError for a parameter that the model does not read in these dimensions.
+  void refuse_unread() const;
   const std::vector<std::string>& arguments() const { return arguments_; }
   nlohmann::ordered_json table() const { return options.table(); }
 

@@ -170,6 +170,10 @@ class Simulated final : public AnySimulation {
   void build(ParticleTable all, const Walls<D>& walls, Real t, std::int64_t step);
   /// Errors: InputError where a force has no direction, or particles are inside each other.
   void check_start();
+  /// Errors: InputError for surfaces that pierce each other, enclose each other, or have no meaning.
+  void check_surfaces_apart() requires(D == 3);
+  /// The same in runs, but for enclosed surfaces. Errors: NumericalError.
+  void check_surfaces_hold() requires(D == 3);
   Topology topology_by_id() const;
   /// All data by id, of the present particles.
   ParticleTable collect();

@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include <pliant/model/surface.h>
 #include <pliant/python/simulated.h>
 
 namespace pliant::python {
@@ -63,6 +64,14 @@ py::dict Simulated<D>::topology() const {
   }
   d["mass"] = mass;
   d["diameter"] = diameter;
+  if (!all.surfaces) return d;
+  std::vector<Index> faces;
+  for (std::size_t id = 0; id < n; ++id)
+    for (const Face& face : all.surfaces->kinds[static_cast<std::size_t>(all.surfaces->kind[id])].faces)
+      for (const Index i : face) faces.push_back(offset_[id] + i);
+  IndexArray triangles(std::vector<py::ssize_t>{static_cast<py::ssize_t>(faces.size() / 3), 3});
+  std::ranges::copy(faces, triangles.mutable_data());
+  d["faces"] = triangles;
   return d;
 }
 

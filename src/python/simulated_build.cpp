@@ -6,6 +6,7 @@
 #include <utility>
 
 #include <pliant/model/crossing.h>
+#include <pliant/model/surface_crossing.h>
 #include <pliant/python/simulated.h>
 #include <pliant/run/overlap_check.h>
 #include <pliant/run/step_check.h>
@@ -51,6 +52,7 @@ template <int D>
 std::unique_ptr<ChangeableField<D>> Simulated<D>::make_field(Settings& settings, const Walls<D>& walls) const {
   const Surroundings<D> surroundings{.gravity = weight_};
   settings.model.template resolve<D>(surroundings);
+  settings.refuse_unread();
   return std::make_unique<ChangeableField<D>>(settings.model.template force_field<D>(surroundings), walls.size() > 0);
 }
 
@@ -67,10 +69,11 @@ ParticleSystem<D> Simulated<D>::make_system(const Topology& all, const Walls<D>&
 template <int D>
 std::pair<std::unique_ptr<Simulation<D>>, ChangeableField<D>*> Simulated<D>::make_engine(Topology all,
                                                                                          const Walls<D>& walls) const {
+  constexpr const char* deformables = D == 2 ? "polygons" : "closed surfaces";
   if (all.deformable() != settings_->model.deformable())
     throw InputError("model {} is for {}, but the particles are {}", settings_->model.name,
-                     settings_->model.deformable() ? "polygons" : "disks and spheres",
-                     all.deformable() ? "polygons" : "disks or spheres");
+                     !settings_->model.deformable() ? "disks and spheres" : deformables,
+                     !all.deformable() ? "disks or spheres" : deformables);
   auto field = make_field(*settings_, walls);
   ChangeableField<D>* const changeable = field.get();
   ParticleSystem<D> system = make_system(all, walls, std::move(field));
@@ -150,7 +153,7 @@ void Simulated<D>::check_start() {
   for (const WallSegment& wall : s.walls.segments())
     if (wall.radius > 0 && wall.radius < longest)
       throw InputError(
-          "a wall is a disk of radius {:.3g}, which enters edges of polygons, {:.3g} long, as they touch disks at "
+          "a wall is a disk of radius {:.3g}, which enters edges of particles, {:.3g} long, as they touch disks at "
           "their "
           "ends only; use a polygon",
           wall.radius, longest);
@@ -167,7 +170,26 @@ void Simulated<D>::check_start() {
                          crossing->vertex - s.topology.offset[crossing->particle],
                          ids_[static_cast<std::size_t>(s.topology.id[crossing->particle])],
                          ids_[static_cast<std::size_t>(s.topology.id[crossing->other])]);
+  if constexpr (D == 3)
+    if (deformable()) check_surfaces_apart();
   start_watches();
+}
+
+template <int D>
+void Simulated<D>::check_surfaces_apart() requires(D == 3) {
+  const StateView<3> s = present();
+  const auto id = [&](Index m) { return ids_[static_cast<std::size_t>(s.topology.id[m])]; };
+  const SurfacesLook seen = look_at_surfaces(s);
+  const bool touch = !settings_->model.parameters(Role::contact_energy).empty();
+  if (const auto& p = seen.piercing; p && touch)
+    throw InputError("particle {} pierces particle {}; move one of them", id(p->particle), id(p->other));
+  if (seen.bad_shape)
+    throw InputError("particle {} has no volume, or no area in a face; give it another shape",
+                     id(seen.bad_shape->particle));
+  if (seen.crossing_itself)
+    throw InputError("particle {} crosses itself; give it another shape", id(*seen.crossing_itself));
+  if (const auto pair = find_enclosed(s); pair && touch)
+    throw InputError("particle {} is inside particle {}; move one of them", id(pair->second), id(pair->first));
 }
 
 template <int D>

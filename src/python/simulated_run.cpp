@@ -13,6 +13,7 @@
 #include <pliant/run/overlap_check.h>
 #include <pliant/run/run_control.h>
 #include <pliant/run/schedule.h>
+#include <pliant/run/surface_check.h>
 
 namespace pliant::python {
 namespace {
@@ -329,8 +330,23 @@ template <int D>
 void Simulated<D>::start_watches() {
   if constexpr (D == 2)
     if (deformable()) outlines_.start(simulation_->particles(), simulation_->state());
+  if constexpr (D == 3)
+    if (deformable()) check_surfaces_hold();
   walls_.allow_overlaps(settings_->allow_passing_overlap, ", or accept it with -allow_passing_overlap");
   walls_.start(simulation_->particles(), simulation_->state());
+}
+
+template <int D>
+void Simulated<D>::check_surfaces_hold() requires(D == 3) {
+  const ModelChoice& model = settings_->model;
+  const bool touch = !model.parameters(Role::contact_energy).empty();
+  check_surfaces(
+      simulation_->view(), Ranks(),
+      {.contacts = touch ? fmt::format("raise {}", model.option(Role::contact_energy)) : "",
+       .shape = fmt::format("raise {}, or use {}", model.options({Role::area, Role::perimeter, Role::bending}),
+                            cures({Cure::shorter_step})),
+       .self_crossing = "",
+       .piercing_stops = touch});
 }
 
 template <int D>
@@ -342,6 +358,8 @@ void Simulated<D>::check_walls(Real step) {
   if (s.walls.size() > 0 || s.topology.particles() > 1) check_walls_hold(s, judged ? step : 0, Ranks(), cure);
   if constexpr (D == 2)
     if (deformable()) check_outlines_meet_no_wall(s, Ranks(), cure);
+  if constexpr (D == 3)
+    if (deformable()) check_surfaces_hold();
 }
 
 template <int D>

@@ -81,8 +81,9 @@ std::unique_ptr<AnySimulation> restart_simulation(const std::string& folder, con
 }
 
 ParticleArrays arrays_of(const IndexArray& points_of, const Array& positions, const Array& velocities,
-                         const Array& mass, const Array& diameter, const Array& a0, const Array& l0) {
-  return {points_of, positions, velocities, mass, diameter, a0, l0};
+                         const Array& mass, const Array& diameter, const Array& a0, const Array& l0,
+                         const std::vector<Mesh>& meshes, Real shape_parameter) {
+  return {points_of, positions, velocities, mass, diameter, a0, l0, meshes, shape_parameter};
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include <pliant/base/types.h>
+#include <pliant/geometry/mesh.h>
 #include <pliant/python/engine.h>
 #include <pliant/python/run_output.h>
 
@@ -19,13 +20,18 @@ namespace pliant::python {
 using Array = py::array_t<Real, py::array::c_style | py::array::forcecast>;
 using IndexArray = py::array_t<Index, py::array::c_style | py::array::forcecast>;
 
-/// Particles as arrays: points of each particle [N], positions and velocities [points, D], and sizes [N]. Polygons have
-/// more than one point.
+/// The faces and the shape of a closed surface.
+using Mesh = std::shared_ptr<TriangleMesh>;
+
+/// Particles as arrays: points of each particle [N], positions and velocities [points, D], and sizes [N]. Polygons and
+/// closed surfaces have more than one point.
 struct ParticleArrays {
   IndexArray points_of;
   Array positions, velocities;
-  Array mass, diameter;  ///< of points: δ of polygons
-  Array a0, l0;          ///< of polygons
+  Array mass, diameter;      ///< diameters of points: δ of polygons and surfaces
+  Array a0, l0;              ///< of polygons; a0 of surfaces, too
+  std::vector<Mesh> meshes;  ///< [N] of surfaces: faces and shape at rest
+  Real shape_parameter = 0;  ///< surfaces: 𝒜0; 0: 𝒜 of the mesh
 };
 
 /// How a body of walls moves from the present time on: velocity, amplitude, frequency, phase, spin, pivot.
@@ -103,6 +109,7 @@ class AnySimulation {
 };
 
 void bind_simulation(py::module_& m);
+void bind_meshes(py::module_& m);
 void bind_walls(py::module_& m);
 void bind_statistics(py::module_& m);
 /// Closes all open simulations at the end of the interpreter, before PETSc ends.

@@ -111,31 +111,37 @@ Array pack_into(const Space& space, const Topology& particles, const PackingPara
   return x;
 }
 
-/// vertices: 0 for disks (spheres).
-Topology particles_to_pack(int dim, const std::vector<Real>& diameters, Index vertices, Real shape_parameter) {
+/// vertices: 0 for disks (spheres), and for surfaces of a mesh.
+Topology particles_to_pack(int dim, const std::vector<Real>& diameters, Index vertices, Real shape_parameter,
+                           const Mesh& mesh) {
   if (dim != 2 && dim != 3) throw InputError("dim is {}, but must be 2 or 3", dim);
   if (diameters.empty()) throw InputError("there are no diameters; give at least one");
   for (const Real d : diameters) positive(d, "a diameter");
-  if (vertices != 0 && (dim != 2 || vertices < 3))
-    throw InputError("polygons have at least 3 vertices, in 2D; got {} in {}D", vertices, dim);
+  if (mesh && (dim != 3 || vertices != 0))
+    throw InputError("a mesh is the shape of particles in 3D; give it without n_vertices, and dim=3");
+  if (mesh)  // at the distance of rough particles
+    return make_particles(ModelKind::smooth, dim, diameters,
+                          {.shape_parameter = shape_parameter, .edge_width = 1, .mesh = mesh});
+  if (vertices != 0 && dim == 2 && vertices < 3)
+    throw InputError("polygons have at least 3 vertices, not {}", vertices);
   return make_particles(vertices > 0 ? ModelKind::rough : ModelKind::sp, dim, diameters,
                         {.vertices = vertices, .shape_parameter = shape_parameter});
 }
 
 Array pack_container(const Container& container, int dim, const std::vector<Real>& diameters, Index vertices,
-                     Real shape_parameter, Real fraction, std::uint64_t seed) {
+                     Real shape_parameter, const Mesh& mesh, Real fraction, std::uint64_t seed) {
   const EngineUse use(EngineUse::Kind::access);
   if (!(fraction > 0 && fraction <= 1)) throw InputError("fraction is {}, but must be above 0 and at most 1", fraction);
-  const Topology particles = particles_to_pack(dim, diameters, vertices, shape_parameter);
+  const Topology particles = particles_to_pack(dim, diameters, vertices, shape_parameter, mesh);
   const PackingParameters parameters{.fraction = fraction, .seed = seed};
   return dim == 2 ? pack_into<2>(container, particles, parameters) : pack_into<3>(container, particles, parameters);
 }
 
 Array pack_box(const std::vector<Real>& origin, const std::vector<Real>& lengths, const std::vector<Real>& diameters,
-               Index vertices, Real shape_parameter, std::uint64_t seed) {
+               Index vertices, Real shape_parameter, const Mesh& mesh, std::uint64_t seed) {
   const EngineUse use(EngineUse::Kind::access);
   const auto dim = static_cast<int>(lengths.size());
-  const Topology particles = particles_to_pack(dim, diameters, vertices, shape_parameter);
+  const Topology particles = particles_to_pack(dim, diameters, vertices, shape_parameter, mesh);
   const PackingParameters parameters{.seed = seed};
   return dim == 2 ? pack_into<2>(box_of<2>(origin, lengths), particles, parameters)
                   : pack_into<3>(box_of<3>(origin, lengths), particles, parameters);
