@@ -394,7 +394,7 @@ class Walls(_Fixed):
         return self._core.bodies
 
     def line(self, points: ArrayLike, **motion) -> int:
-        """Segments between consecutive points [n, 2]; particles touch both sides. Friction begins anew at corners."""
+        """Segments between consecutive points [n, 2]; particles touch both sides. Friction starts again at corners."""
         return self._core.polyline(_array(points, "points", 2), _motion(motion))
 
     def segment(self, a: Sequence[float], b: Sequence[float], **motion) -> int:
@@ -402,7 +402,7 @@ class Walls(_Fixed):
         return self.line([_vector(a, "a"), _vector(b, "b")], **motion)
 
     def polygon(self, corners: ArrayLike, **motion) -> int:
-        """A closed outline with corners [n, 2]; particles touch both sides. Friction begins anew at corners."""
+        """A closed outline with corners [n, 2]; particles touch both sides. Friction starts again at corners."""
         return self._core.polygon(_array(corners, "corners", 2), _motion(motion))
 
     def disk(self, centre: Sequence[float], radius: float, **motion) -> int:

@@ -73,7 +73,7 @@ class Tracks:
     def without(self, first):
         """The tracks without the first pushes; RunError if none is left."""
         if first >= len(self.pushes):
-            raise RunError(f"{self.source}: pushes: {len(self.pushes)}, of which the first {first} are left out "
+            raise RunError(f"{self.source}: pushes: {len(self.pushes)}; the analysis leaves out the first {first} "
                            "(--skip-pushes)")
         return replace(self, pushes=self.pushes[first:])
 

@@ -301,7 +301,7 @@ def test_missing_frames_and_disks_that_come_late():
 def test_the_first_pushes_are_left_out():
     result, = channel.analyse([channel_tracks(pushes=4)], with_choices(skip_pushes=2))
     assert result["pushes"] == 2 and result["choices"]["skip_pushes"] == 2
-    with pytest.raises(RunError, match="pushes: 4, of which the first 4 are left out"):
+    with pytest.raises(RunError, match="pushes: 4; the analysis leaves out the first 4"):
         channel.analyse([channel_tracks(pushes=4)], with_choices(skip_pushes=4))
 
 

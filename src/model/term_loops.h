@@ -69,7 +69,7 @@ Range across(const StateView<D>& s, Index chunk) {
     return {};
 }
 
-/// The elements of a kind, whatever the term.
+/// The elements of a kind, of any term.
 template <int D, Elements E>
 class ElementLoops {
   using View = StateView<D>;

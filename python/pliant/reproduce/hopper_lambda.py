@@ -38,7 +38,7 @@ def _unbounded(exponents):
 
 def _crossovers(exponents, by, dim, label, known):
     """[(label, group, fit with the published ends, fit with free ends)] and their quantities. known(key) → Published. A curve
-    with an exponent that cannot decide cannot decide either; then a fit to exponents without the bound of k stands beside it."""
+    with an exponent that cannot decide cannot decide either; a second row then has the fit to exponents of fits without the bound of k."""
     curves, quantities = [], []
     ends = dim - 1.5, dim - 0.5
     for key, group in ensemble.groups(exponents, by):
