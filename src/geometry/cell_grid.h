@@ -127,7 +127,7 @@ class CellGrid {
     return {start_.data(), count_, cell_coordinates(low), cell_coordinates(high)};
   }
 
-  std::array<Index, D> cell_coordinates(const Vec<D>& r) const {
+  [[gnu::always_inline]] std::array<Index, D> cell_coordinates(const Vec<D>& r) const {
     std::array<Index, D> c;
     for (int k = 0; k < D; ++k)
       c[k] = static_cast<Index>(std::clamp((r[k] - origin_[k]) * inverse_size_, Real(0), Real(count_[k] - 1)));

@@ -44,14 +44,20 @@ inline Real shortest_edge(const Real* x, const Topology& topology, Index m) {
   return least;
 }
 
-/// Mean of the points of particle m: its centre of mass, as they have equal masses. Works for velocities too.
 template <int D>
-Vec<D> mean_of_points(const Real* x, const Topology& topology, Index m) {
+Vec<D> mean_of_several_points(const Real* x, const Topology& topology, Index m) {
   const Index first = topology.offset[m], points = topology.points_of(m);
   Vec<D> sum = point<D>(x, first);
-  if (points == 1) return sum;
   for (Index i = first + 1; i < first + points; ++i) sum += point<D>(x, i);
   return sum / points;
+}
+
+/// Mean of the points of particle m: its centre of mass, as they have equal masses. Works for velocities too. Inlined
+/// for particles of one point, because hoppers call it in each step.
+template <int D>
+[[gnu::always_inline]] inline Vec<D> mean_of_points(const Real* x, const Topology& topology, Index m) {
+  return topology.points_of(m) == 1 ? Vec<D>(point<D>(x, topology.offset[m]))
+                                    : mean_of_several_points<D>(x, topology, m);
 }
 
 /// Whether p lies inside polygon m (even–odd rule).
