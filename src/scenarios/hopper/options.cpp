@@ -69,7 +69,7 @@ void HopperOptions::bind(Options& o) {
   bind_sizes(o, sizes);
   bind_shape(o, shape);
   o.bind("mesh", mesh,
-         {.help = "3D: OFF or OBJ file with the surface of a particle, in any size, instead of an icosphere",
+         {.help = "3D: OFF or OBJ file with the shape of particles, instead of an icosphere",
           .on_restart = fixed,
           .read = [](const std::string& file, const std::filesystem::path& folder) {
             return off_text(read_mesh(path_from(folder, file)));
