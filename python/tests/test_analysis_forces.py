@@ -136,6 +136,16 @@ def test_fields_of_a_lattice_are_uniform():
     assert_allclose(fields.kinetic_stress, 0, atol=1e-12)
 
 
+def test_empty_space_has_no_stress():
+    """A sum over a grid with empty space is the total, and the velocity is unknown there."""
+    part = Particles([[1.0, 2.0], [1.9, 2.0]], 0.5, box=[20, 4], masses=[1, 1], velocities=np.zeros((2, 2)), pairs=[[0, 1]],
+                     forces=[[-2.0, 0.0]])
+    fields = analysis.coarse_grained(part, 0.4)
+    total = fields.stress.sum((0, 1)) * 0.4**2
+    assert_allclose(total, analysis.mean_stress(part, 1.0), rtol=1e-3, atol=1e-6)
+    assert np.isnan(fields.velocity[25]).all() and (fields.pressure[25] == 0).all()
+
+
 def test_field_of_one_contact():
     """Half way along the branch, and far along its line: an integral by quadrature."""
     from scipy.integrate import quad

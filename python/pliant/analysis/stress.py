@@ -72,13 +72,13 @@ def shear(stress):
 
 @dataclass(frozen=True)
 class Fields:
-    """Fields on a regular grid of the shape G = [n_x, n_y(, n_z)]; NaN where nothing is near."""
+    """Fields on a regular grid of the shape G = [n_x, n_y(, n_z)]."""
 
     axes: tuple                 #: D arrays: x [n_x], y [n_y], …
     number: np.ndarray          #: G number density
     density: np.ndarray         #: G mass density
     fraction: np.ndarray        #: G packing fraction
-    velocity: np.ndarray        #: [G, D] momentum over mass density
+    velocity: np.ndarray        #: [G, D] momentum over mass density; NaN where nothing is near
     contact_stress: np.ndarray  #: [G, D, D]
     kinetic_stress: np.ndarray  #: [G, D, D] of velocities relative to `velocity`
 
@@ -186,7 +186,7 @@ def coarse_grained(source, width, spacing=None, region=None):
     near = density > 1e-12 * density.max()
     with np.errstate(invalid="ignore", divide="ignore"):
         velocity = np.where(near[..., None], momentum / density[..., None], np.nan)
-    kinetic = flux - density[..., None, None] * velocity[..., :, None] * velocity[..., None, :]
+    kinetic = np.where(near[..., None, None], flux - density[..., None, None] * velocity[..., :, None] * velocity[..., None, :], 0.0)
     return Fields(grid.axes, number, density, fraction, velocity, contact, kinetic)
 
 
