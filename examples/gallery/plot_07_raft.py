@@ -27,7 +27,8 @@ force = (series["fixed_wall_force"] + series["moving_wall_force"]) / 2
 # -------------
 # The stiffness of a pair of droplets follows from the depletion potential: the program and ``raft_analysis`` compute it independently. The work of the walls
 # must appear as energy or heat.
-k1, known = run.summary["k1"], raft_analysis.contact_constants()["k1"]
+potential = {name: run.parameters[name] for name in ("f0", "phi_c", "a_s")}
+k1, known = run.summary["k1"], raft_analysis.contact_constants(**potential)["k1"]
 print(f"k1 = {k1:.6f}, from the potential: {known:.6f}")
 print(f"budget: work {run.summary['work']:.5f}, dissipated {run.summary['dissipated']:.5f}, error {run.summary['budget_error']:.1e}")
 

@@ -167,7 +167,7 @@ class Compression:
         return judge_fractures(self.events["position"][inside], self.events["broken"][inside] > 0, FRACTURE_REACH * self.d_eq)
 
 
-def contact_constants(f0=10.0, phi_c=1e-4, a_s=0.05):
+def contact_constants(*, f0, phi_c, a_s):
     """{name: value} of two equal droplets and of a droplet at a wall, R = b = 1, from [T 2.1, 2.5, 2.7, 2.8]: L^2/R^2 [T 2.13],
     the distance d_eq at rest, the stiffness k1 there and the energy E1 of the bond; also for the bond with the wall."""
     L2 = 8 * f0 * a_s**3 / (np.pi * phi_c)

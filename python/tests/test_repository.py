@@ -1,5 +1,6 @@
 """Files of the repository that no program reads: citation, presets, workflow, pictures."""
 
+import ast
 import json
 import re
 import struct
@@ -25,6 +26,23 @@ def test_citation_has_the_version_and_no_date_without_a_release():
         assert released and date[1] in released[1], f"CHANGELOG.md has no release {version} of {date[1]}"
     else:
         assert not released or not re.search(r"\d{4}-\d\d-\d\d", released[1]), f"CITATION.cff has no date of {version}"
+
+
+def test_no_parameter_of_a_model_has_a_second_default():
+    """The program declares the defaults of models; functions of the package take these, or have no default."""
+    names = {name for options in json.loads(text_of("python/pliant/parameters.json")).values() for name, entry in options.items()
+             if "models" in entry}
+    assert {"k_l", "e_sp", "phi_c", "mu_disk"} <= names
+    second = []
+    for path in (ROOT / "python/pliant").rglob("*.py"):
+        for function in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(function, (ast.FunctionDef, ast.Lambda)):
+                given = function.args
+                places = [*given.posonlyargs, *given.args]
+                pairs = [*zip(places[len(places) - len(given.defaults):], given.defaults), *zip(given.kwonlyargs, given.kw_defaults)]
+                second += [f"{path.name}:{argument.lineno}: {argument.arg}" for argument, value in pairs
+                           if argument.arg in names and isinstance(value, ast.Constant) and isinstance(value.value, float)]
+    assert not second, second
 
 
 def test_presets():

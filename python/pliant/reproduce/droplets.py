@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from .. import clog_analysis as clog, ensemble, plotting, raft_analysis as raft, raft_figures
+from .. import clog_analysis as clog, ensemble, plotting, raft_analysis as raft, raft_figures, symbols
 from ..clog_figures import draw_avalanches, draw_curves, draw_middles, draw_probabilities, draw_regimes
 from ..errors import RunError
 from ..script import remark, with_error
@@ -114,7 +114,8 @@ def draw_stiffness(measured):
     axes.plot(x, published.K1_SQUARE.value * x, "-.", color=plotting.COLORS[1],
               label=f"[T], $k_1$ = {with_error(published.K1_SQUARE.value, published.K1_SQUARE.error)}")
     axes.legend()
-    constants = raft.contact_constants()
+    usual = symbols.defaults("raft")
+    constants = raft.contact_constants(**{name: usual[name] for name in ("f0", "phi_c", "a_s")})
     measured_ones = {"k1": table["k1"].iloc[0], "E1": table["E1"].iloc[0]}
     quantities = [*(Quantity(f"{name} of {'a droplet at a wall' if 'wall' in name else 'two droplets'}",
                              measured_ones.get(name, constants[name]), 0.0, known,
