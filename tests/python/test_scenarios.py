@@ -33,6 +33,8 @@ def test_a_run_is_that_of_the_program_bit_for_bit(tmp_path, small, program):
     ("raft", {"rows": 2, "columns": 2, "n": 3, "v_wall": 1e-3, "t_end": 5}),
     ("clog", {"n": 14, "g": 0.1, "hopper_width": 1.25, "phi_c": 3e-4, "t_end": 5}),
     ("vibrate", {"n": 8, "box_width": 4, "cycles": 1}),
+    ("pack", {"n": 8}),
+    ("shear", {"n": 16, "strain": 0.01}),
     ("channel", {"channel_width": 6, "channel_arm": 12, "stroke": 3, "distribution": "bidisperse", "area_fraction": 0.5,
                  "t_end": 0.01}),
     ("hopper", {"n": 40, "hopper_wall_distance": 8, "hopper_width": 3, "t_end": 0.5, "dim": 3}),
