@@ -500,7 +500,7 @@ def test_figure_4_finds_lambda_c(tmp_path):
 
 
 def test_a_curve_with_an_exponent_at_the_bound_of_k_decides_nothing():
-    """The fit to exponents without this bound stands beside it, with a verdict of its own."""
+    """A second row has the fit to exponents without this bound, and has its own verdict."""
     def law(lam):
         C, k, beta = crossing_law(lam)
         return (C, -2.0, 2.5) if lam == 0 else (C, k, beta)

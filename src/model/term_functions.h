@@ -81,6 +81,7 @@ template <int D, class T>
 class TermFunctionsOf final : public TermFunctions<D> {
   using Loops = TermLoops<D, T>;
   using Kind = KindOf<T>;
+  using Of = ElementLoops<D, T::elements>;
   static constexpr bool is_energy = EnergyTerm<T, D>, has_history = HistoryTerm<T, D>,
                         is_dissipation = DissipationTerm<T, D>;
 
@@ -190,7 +191,7 @@ class TermFunctionsOf final : public TermFunctions<D> {
       if constexpr (losses_of<T>() > 0) {
         std::array<Real, losses_of<T>()> heat{};
         for (Index chunk = 0; chunk < s.neighbours.chunks(); ++chunk)
-          for (const Range range : {inside<T, D>(s, chunk), across<T, D>(s, chunk)})
+          for (const Range range : {Of::inside(s, chunk), Of::across(s, chunk)})
             for (std::size_t k = 0; range.size() > 0 && k < heat.size(); ++k)
               heat[k] += (T::losses[k].per_time ? h : 1) * own.losses(range)[k];
         table.add_heat(heat);

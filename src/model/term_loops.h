@@ -56,19 +56,6 @@ inline constexpr bool drops_pre_stress = requires(const T term, const StateView<
   term.add_hessian(s, Index(), h, PreStress::dropped);
 };
 
-/// The elements of a term in a chunk, and those across the border of the chunk.
-template <class T, int D>
-Range inside(const StateView<D>& s, Index chunk) {
-  return KindOf<T>::inside(s.neighbours, chunk);
-}
-template <class T, int D>
-Range across(const StateView<D>& s, Index chunk) {
-  if constexpr (KindOf<T>::paired)
-    return (s.neighbours.*KindOf<T>::list).across(chunk);
-  else
-    return {};
-}
-
 /// The elements of a kind, of any term.
 template <int D, Elements E>
 class ElementLoops {
@@ -76,29 +63,35 @@ class ElementLoops {
   using Kind = ElementKind<E>;
 
  public:
+  /// The elements in a chunk, and those across the border of the chunk.
+  static Range inside(const View& s, Index chunk) { return Kind::inside(s.neighbours, chunk); }
+  static Range across(const View& s, Index chunk) {
+    if constexpr (Kind::paired)
+      return (s.neighbours.*Kind::list).across(chunk);
+    else
+      return {};
+  }
+
   /// Whether an element of a chunk, or across its border, counts there: elements of inactive particles do not, and an
   /// element across a border counts in one chunk. Lists contain active particles only.
   static bool counts(const View& s, Index chunk, Index e) {
     if constexpr (!Kind::listed) return s.topology.active[Kind::particle(s.topology, e)] != 0;
     if constexpr (Kind::paired)
-      return Kind::inside(s.neighbours, chunk).contains(e) || s.neighbours.points(chunk).contains(counts_at<E>(s, e));
+      return inside(s, chunk).contains(e) || s.neighbours.points(chunk).contains(counts_at<E>(s, e));
     return true;
   }
 
   /// The elements that have a point in one of these ranges, which are few.
   [[gnu::noinline]] static void for_each_at(const View& s, std::span<const Range> points,
                                             const std::function<void(Index)>& visit) {
-    for (Index c = 0; c < s.neighbours.chunks(); ++c) {
-      std::array<Range, 2> parts{Kind::inside(s.neighbours, c)};
-      if constexpr (Kind::paired) parts[1] = (s.neighbours.*Kind::list).across(c);
-      for (const Range part : parts)
+    for (Index c = 0; c < s.neighbours.chunks(); ++c)
+      for (const Range part : {inside(s, c), across(s, c)})
         for (Range some{part.first, part.first}; some.last < part.last; some.first = some.last) {
           some.last = std::min(part.last, some.first + 64);
           if (!touches(s, some, points)) continue;
           for (Index e = some.first; e < some.last; ++e)
             if (touches(s, {e, e + 1}, points) && counts(s, c, e)) visit(e);
         }
-    }
   }
 
   /// Whether the wall of an element moves.
@@ -206,9 +199,9 @@ class TermLoops {
       }
     };
     Real* const turn = has_torque<T> ? torques_in(s, f) : nullptr;
-    add(inside<T>(s, chunk), Scatter<D, sign>{f, {}, turn});
+    add(Of::inside(s, chunk), Scatter<D, sign>{f, {}, turn});
     if constexpr (KindOf<T>::paired)
-      add(across<T>(s, chunk), Scatter<D, sign, true>{f, s.neighbours.points(chunk), turn});
+      add(Of::across(s, chunk), Scatter<D, sign, true>{f, s.neighbours.points(chunk), turn});
   }
 
   /// sum + the energy of a chunk.
@@ -231,7 +224,7 @@ class TermLoops {
     if constexpr (!is_energy || has_torque<T>) {
       throw InputError("the term {} has no virial: its forces depend on more than positions", term.name());
     } else if constexpr (!KindOf<T>::paired) {
-      const Range range = inside<T>(s, chunk);
+      const Range range = Of::inside(s, chunk);
       for (Index e = range.first; e < range.last; ++e) {
         VirialSum<D> gradients{s.x};
         term.add_gradient(s, e, gradients);
@@ -242,7 +235,7 @@ class TermLoops {
       }
     } else {
       const Range own = s.neighbours.particles(chunk);
-      for (const Range range : {inside<T>(s, chunk), across<T>(s, chunk)})
+      for (const Range range : {Of::inside(s, chunk), Of::across(s, chunk)})
         for (Index e = range.first; e < range.last; ++e) {
           VirialSum<D> gradients{s.x};
           term.add_gradient(s, e, gradients);
@@ -300,7 +293,7 @@ class TermLoops {
     if constexpr (has_derivatives<T, D>) {
       const Range own = s.neighbours.points(chunk);
       OwnRows<D> elastic(df_dx, own, -1), moved(df_dx, own, 1), damping(df_dv, own, 1);
-      for (const Range range : {inside<T>(s, chunk), across<T>(s, chunk)})
+      for (const Range range : {Of::inside(s, chunk), Of::across(s, chunk)})
         for (Index e = range.first; e < range.last; ++e)
           if constexpr (is_energy) {
             add_hessian(term, s, e, elastic, PreStress::kept);
@@ -425,7 +418,7 @@ class TermLoops {
 
   template <class Visit>
   static void for_each_element(const View& s, Index chunk, Visit&& visit) {
-    for (const Range part : {inside<T>(s, chunk), across<T>(s, chunk)})
+    for (const Range part : {Of::inside(s, chunk), Of::across(s, chunk)})
       for (Index e = part.first; e < part.last; ++e)
         if (Of::counts(s, chunk, e)) visit(e);
   }

@@ -98,13 +98,13 @@ void append_particles(ParticleTable& to, const ParticleArrays& arrays) {
   if (!arrays.meshes.empty()) {
     check_positive(arrays.a0, "a0");
     append_surfaces(topology, arrays);
-  }
-  for (std::size_t m = 0; m < n && arrays.meshes.empty(); ++m) {
-    if (const Index count = arrays.points_of.data()[m]; count == 1)
-      topology.add_soft(arrays.diameter.data()[m], arrays.mass.data()[m]);
-    else
-      topology.add_polygon(count, arrays.a0.data()[m], arrays.l0.data()[m], arrays.diameter.data()[m],
-                           arrays.mass.data()[m]);
+  } else {
+    for (std::size_t m = 0; m < n; ++m)
+      if (const Index count = arrays.points_of.data()[m]; count == 1)
+        topology.add_soft(arrays.diameter.data()[m], arrays.mass.data()[m]);
+      else
+        topology.add_polygon(count, arrays.a0.data()[m], arrays.l0.data()[m], arrays.diameter.data()[m],
+                             arrays.mass.data()[m]);
   }
   append(to.x, numbers_of(arrays.positions));
   append(to.v, numbers_of(arrays.velocities));

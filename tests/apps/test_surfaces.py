@@ -190,7 +190,7 @@ def test_a_mesh_is_kept_for_a_restart(cubes, options, tmp_path):
 
 
 def test_the_step_follows_the_mesh(tmp_path):
-    """The tip of a pyramid of 24 sides has 24 edges, so that its modes are faster than those of an icosphere."""
+    """The tip of a pyramid of 24 sides has 24 edges, so that the modes of the pyramid are faster than the modes of an icosphere."""
     def step(**more):
         result = pliant("hopper", output=tmp_path / str(len(more)), **{**SURFACES, "k_v": 1, "k_a": 0, "k_b": 0, "k_l": 1e5, "e_c": 1, "e_w": 1,
                         "model": "smooth", "edge_width": 0.5, "t_end": 0.001, "size_distribution": "mono", **more})

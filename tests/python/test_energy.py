@@ -174,16 +174,21 @@ def test_two_particles_that_collide_once():
     assert sim.dissipated == pytest.approx(start - total(sim), rel=1e-2)
 
 
+def run_in_parts(sim, folder, stops, end):
+    """The Run of a simulation that is closed and restarted at each stop."""
+    for stop in stops:
+        sim.run(until=stop)
+        sim.close()
+        sim = pliant.Simulation.restart(folder)
+    sim.run(until=end)
+    sim.close()
+    return pliant.Run(folder)
+
+
 def test_a_restart_continues_the_budget_bit_for_bit(tmp_path):
     def run(folder, stops):
         sim = make("disk", e_disk=2000, dt=3e-4, zeta=0.3, output=folder, sample_interval=0.05)
-        for stop in stops:
-            sim.run(until=stop)
-            sim.close()
-            sim = pliant.Simulation.restart(folder)
-        sim.run(until=1.0)
-        sim.close()
-        return pliant.Run(folder).series
+        return run_in_parts(sim, folder, stops, 1.0).series
 
     whole, parts = run(tmp_path / "whole", []), run(tmp_path / "parts", [0.33, 0.61])
     assert whole.equals(parts) and whole["heat"].iloc[-1] > 0.1
@@ -203,13 +208,7 @@ def test_friction_of_many_particles_balances(tmp_path):
         x = np.stack(np.meshgrid(np.arange(0.7, 13.5, 1.05), np.arange(0.7, 13, 1.05)), axis=-1).reshape(-1, 2)[:150]
         sim = pliant.Simulation(x + 0.04 * np.random.default_rng(4).random(x.shape), 1, walls=walls, gravity=(0, -1), mu=1.0, e_sp=1000,
                                 e_w=1000, dt=1e-3, output=folder, sample_interval=0.5)
-        for stop in stops:
-            sim.run(until=stop)
-            sim.close()
-            sim = pliant.Simulation.restart(folder)
-        sim.run(until=40)
-        sim.close()
-        return pliant.Run(folder)
+        return run_in_parts(sim, folder, stops, 40)
 
     whole, parts = run(tmp_path / "whole", []), run(tmp_path / "parts", [1.3, 17])
     assert_balanced(tmp_path / "whole")

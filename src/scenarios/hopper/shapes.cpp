@@ -14,7 +14,7 @@
 namespace pliant {
 namespace {
 
-constexpr std::string_view unit = "sigma_avg";
+constexpr std::string_view length_unit = "sigma_avg";
 
 /// From the orifice upwards.
 Polyline upwards(Polyline p, const std::string& name) {
@@ -37,7 +37,7 @@ Polyline upwards(Polyline p, const std::string& name) {
 }
 
 Vessel make_vessel(std::string_view text, const std::string& name, int dim) {
-  std::vector<Polyline> all = parse_polylines(text, name, unit);
+  std::vector<Polyline> all = parse_polylines(text, name, length_unit);
   if (all.size() > 2)
     throw InputError(
         "{}:{}: this is polyline {}; an outline has one for each side of the orifice, or one that is mirrored; use "
@@ -132,7 +132,7 @@ std::string read_outline(const std::string& given, const std::filesystem::path& 
   const std::string name = "outline " + printable(file), text = read_text_file(file, largest_outline, "outline");
   make_vessel(text, name, 2);
   std::string result;
-  for (const Polyline& p : parse_polylines(text, name, unit)) {
+  for (const Polyline& p : parse_polylines(text, name, length_unit)) {
     if (!result.empty()) result += '\n';
     for (const Vec<2>& r : p.points) result += fmt::format("{} {}\n", r[0], r[1]);
   }
@@ -147,7 +147,8 @@ std::string read_obstacles(const std::string& text, const std::filesystem::path&
     std::string content = value;
     if (kind == "polygon" && !parse_numbers(value, ", \t")) {
       const std::string file = path_from(folder, value), name = "obstacle " + printable(file);
-      const std::vector<Polyline> all = parse_polylines(read_text_file(file, largest_outline, "obstacle"), name, unit);
+      const std::vector<Polyline> all =
+          parse_polylines(read_text_file(file, largest_outline, "obstacle"), name, length_unit);
       if (all.size() > 1)
         throw InputError("{}:{}: a second polyline; a file has one polygon, use polygon:FILE for each", name,
                          all[1].lines[0]);

@@ -26,7 +26,7 @@ HopperSteps hopper_steps(const HopperOptions& p, const Topology& all, const Forc
   if (p.drag_per_mass()) lightest = heaviest = average_mass<D>;  // drag acts as if all had it
   steps.dt = p.dt.value_or(critical.standard(
       std::min({1e-3, p.elastic_fraction(critical.elastic, lightest) * critical.elastic, 0.5 * critical.damping})));
-  steps.motions = motions_of(p.model, field, all);
+  steps.motions = motions_of(critical, p.model, field, all);
   const Real one_contact = critical.elastic * critical.elastic * p.drag() / (2 * heaviest);
   if (p.dynamics == Dynamics::overdamped) {
     // Springs k relax at the rate k/ζ; for one contact, k/m = (2/dt)².

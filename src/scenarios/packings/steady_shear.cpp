@@ -72,7 +72,7 @@ std::unique_ptr<Integrator> SteadyShear<D>::make_integrator(Real dt) {
 
 template <int D>
 std::vector<FastestRates> SteadyShear<D>::motions() const {
-  return motions_of(p_.model, this->particles().field(), this->simulation().all());
+  return motions_of(critical_, p_.model, this->particles().field(), this->simulation().all());
 }
 
 template <int D>

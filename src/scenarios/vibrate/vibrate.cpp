@@ -112,7 +112,7 @@ class VibrateProtocol final : public Protocol<D> {
   }
   Real critical_step() const override { return critical_step_; }
   std::vector<FastestRates> motions() const {
-    return motions_of(p_.model, particles().field(), this->simulation().all());
+    return motions_of(critical_, p_.model, particles().field(), this->simulation().all());
   }
   std::optional<Real> fixed_skin() const override { return p_.skin; }
   std::unique_ptr<Integrator> make_integrator(Real dt) override {
