@@ -11,8 +11,15 @@ target_compile_options(pliant_warnings INTERFACE -Wall -Wextra -Wshadow -Wnon-vi
 if(CMAKE_UNITY_BUILD AND CMAKE_CXX_COMPILER_ID STREQUAL GNU)
   # The warning concerns names that are local to a source other than the main one.
   target_compile_options(pliant_warnings INTERFACE -Wno-subobject-linkage)
-  # The compiler frees memory only beyond 512 MB, instead of 128 MB, which saves a tenth of the time for joined sources.
-  add_compile_options("SHELL:--param ggc-min-heapsize=524288")
+  # The compiler frees memory only beyond this size instead of beyond 128 MB, which saves a fifth of the time for joined
+  # sources: half of each core's share of the memory, at most 3 GB.
+  cmake_host_system_information(RESULT memory QUERY TOTAL_PHYSICAL_MEMORY)  # MiB
+  cmake_host_system_information(RESULT cores QUERY NUMBER_OF_LOGICAL_CORES)
+  math(EXPR heap "${memory} * 512 / ${cores}")  # kB
+  if(heap GREATER 3000000)
+    set(heap 3000000)
+  endif()
+  add_compile_options("SHELL:--param ggc-min-heapsize=${heap}")
 endif()
 
 # Code that runs once per output and not in steps: optimising it less takes a third off its time to compile.
