@@ -27,7 +27,7 @@ def crossings(results):
                                      {"dim": 3, "n": 120, "hopper_wall_distance": 5, "pack_fraction": 0.5}],
                          ids=["flat", "sloped", "rough", "3d"])
 def test_crossings_are_counted_once(options, tmp_path):
-    results = hopper(tmp_path / "run", **{**options, "frame_interval": 0.02, "sample_interval": 0.02})
+    results = hopper(tmp_path / "run", **{**options, "frame_interval": 0.05, "sample_interval": 0.05})
     time = results.series["time"]
     assert len(results.frames) == len(time)
     np.testing.assert_allclose(results.column("time"), time, atol=1e-12)
@@ -47,7 +47,7 @@ def test_crossings_are_counted_once(options, tmp_path):
     # Continuous flow: all particles stay active, above the line or falling.
     assert results.column("active").all()
     heights = results.column("centres")[:, :, -1]
-    assert heights.min() > -2 * results.topology["sigma"].max() - 0.05
+    assert heights.min() > -2 * results.topology["sigma"].max() - 0.15
     assert np.array_equal(results.series["in_hopper"], (heights > 0).sum(axis=1))
     assert (np.diff(heights, axis=0) > 2).sum() > 5  # were reinserted
 
