@@ -8,7 +8,6 @@
 
 #include <pliant/base/errors.h>
 #include <pliant/geometry/hinge.h>
-#include <pliant/model/surface_arrays.h>
 
 namespace pliant {
 

@@ -35,6 +35,9 @@ struct Surface {
   Real mean_rest_length() const;
 };
 
+/// Finds the neighbours of the faces and vertices of a surface with faces, vertices and hinges.
+void connect_parts(Surface& surface);
+
 /// Diameter of the sphere of this volume.
 Real sphere_diameter(Real volume);
 

@@ -36,7 +36,4 @@ struct SurfaceArrays {
   std::vector<Surface> kinds() const;
 };
 
-/// Finds the neighbours of the faces and vertices of a surface with hinges.
-void connect_parts(Surface& surface);
-
 }  // namespace pliant
