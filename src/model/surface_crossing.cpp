@@ -44,18 +44,6 @@ class Look {
     return seen_;
   }
 
-  std::optional<std::pair<Index, Index>> enclosed() {
-    std::optional<std::pair<Index, Index>> found;
-    for_each_near_pair([&](Index m, Index n) {
-      for (const auto& [outer, inner] : {std::pair(m, n), std::pair(n, m)})
-        if (bounds_[outer].contains(bounds_[inner]) &&
-            inside_surface(s_.x, s_.topology, surface(outer), outer, at(inner, 0)))
-          found.emplace(outer, inner);
-      return !found;
-    });
-    return found;
-  }
-
  private:
   const Surface& surface(Index m) const { return s_.topology.surfaces->of(s_.topology, m); }
   Vec<3> at(Index m, Index vertex) const { return s_.position(s_.topology.offset[m] + vertex); }
@@ -89,8 +77,19 @@ class Look {
       const Bounds common = bounds_[m].intersection(bounds_[n]);
       seen_.piercing = find(m, n, common);
       if (!seen_.piercing) seen_.piercing = find(n, m, common);
+      if (!seen_.enclosure && !seen_.piercing) seen_.enclosure = find_enclosure(m, n);
       return !seen_.piercing;
     });
+    if (seen_.piercing) seen_.enclosure.reset();
+  }
+
+  /// Which of two particles is inside the other one. They do not pierce each other.
+  std::optional<Enclosure> find_enclosure(Index m, Index n) const {
+    for (const Enclosure& e : {Enclosure{m, n}, Enclosure{n, m}})
+      if (bounds_[e.outer].contains(bounds_[e.inner]) &&
+          inside_surface(s_.x, s_.topology, surface(e.outer), e.outer, at(e.inner, 0)))
+        return e;
+    return {};
   }
 
   /// Calls visit(m, n) for particles whose bounds meet and of which one is this rank's, in a sweep along x, until it
@@ -152,8 +151,6 @@ bool pierces(const Vec<3>& p, const Vec<3>& q, const Vec<3>& a, const Vec<3>& b,
 }
 
 SurfacesLook look_at_surfaces(const StateView<3>& s) { return Look(s).all(); }
-
-std::optional<std::pair<Index, Index>> find_enclosed(const StateView<3>& s) { return Look(s).enclosed(); }
 
 void check_crosses_nothing(const Surface& surface) {
   const RestingSurface resting(surface);

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <optional>
-#include <utility>
 
 #include <pliant/model/surface.h>
 #include <pliant/model/term.h>
@@ -16,6 +15,11 @@ struct Piercing {
   Index a, b;  ///< vertices of the edge, numbers in the particle
   Index other;
   Index face;  ///< number in `other`
+};
+
+/// A particle that is inside another one, although they do not pierce each other.
+struct Enclosure {
+  Index inner, outer;
 };
 
 /// A particle whose shape energy has no meaning.
@@ -31,7 +35,8 @@ struct BadShape {
 
 /// Result of a check of all surfaces.
 struct SurfacesLook {
-  std::optional<Piercing> piercing;  ///< of two particles; the first one found
+  std::optional<Piercing> piercing;    ///< of two particles; the first one found
+  std::optional<Enclosure> enclosure;  ///< the first one found; nothing where particles pierce each other
   std::optional<BadShape> bad_shape;
   /// An own particle that crosses itself: an edge pierces a face without a common vertex, or (then `self_piercing` is
   /// empty) two neighbouring faces fold over, n̂·n̂' < −1/2.
@@ -47,11 +52,9 @@ inline constexpr Real least_face_area = 1e-6;
 bool pierces(const Vec<3>& p, const Vec<3>& q, const Vec<3>& a, const Vec<3>& b, const Vec<3>& c);
 
 /// Compares all edges with all faces of particles that are near each other, ghosts included, so that each piercing of
-/// two surfaces is found wherever the vertices are. Costs about as much as a few force evaluations.
+/// two surfaces is found wherever the vertices are, and finds particles inside others. Costs about as much as a few
+/// force evaluations.
 SurfacesLook look_at_surfaces(const StateView<3>& s);
-
-/// The particles m and n of which n is inside m, although they do not pierce each other; else nothing.
-std::optional<std::pair<Index, Index>> find_enclosed(const StateView<3>& s);
 
 /// Errors: InputError for a surface that crosses itself in the shape of its mesh, so that it cannot be a particle.
 void check_crosses_nothing(const Surface& surface);

@@ -188,8 +188,8 @@ void Simulated<D>::check_surfaces_apart() requires(D == 3) {
                      id(seen.bad_shape->particle));
   if (seen.crossing_itself)
     throw InputError("particle {} crosses itself; give it another shape", id(*seen.crossing_itself));
-  if (const auto pair = find_enclosed(s); pair && touch)
-    throw InputError("particle {} is inside particle {}; move one of them", id(pair->second), id(pair->first));
+  if (const auto& pair = seen.enclosure; pair && touch)
+    throw InputError("particle {} is inside particle {}; move one of them", id(pair->inner), id(pair->outer));
 }
 
 template <int D>

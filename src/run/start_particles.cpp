@@ -283,7 +283,7 @@ void check_surfaces(const StartParticles& all, const std::string& text) {
                                 : fmt::format("has no area in its face {}", shape->face));
   if (seen.crossing_itself) refuse(*seen.crossing_itself, "crosses itself");
   if (seen.piercing) refuse(seen.piercing->particle, fmt::format("pierces particle {}", seen.piercing->other));
-  if (const auto pair = find_enclosed(view)) refuse(pair->second, fmt::format("is inside particle {}", pair->first));
+  if (const auto& pair = seen.enclosure) refuse(pair->inner, fmt::format("is inside particle {}", pair->outer));
 }
 
 }  // namespace

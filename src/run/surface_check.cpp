@@ -20,6 +20,9 @@ Index check_surfaces(const StateView<3>& s, const Ranks& ranks, const SurfaceCur
     if (seen.piercing && cures.piercing_stops)
       throw NumericalError("{} of particle {}: {}, {}", edge(*seen.piercing), id(seen.piercing->other), cures.contacts,
                            cures.shape);
+    if (seen.enclosure && cures.piercing_stops)
+      throw NumericalError("particle {} is inside particle {}: {}, {}", id(seen.enclosure->inner),
+                           id(seen.enclosure->outer), cures.contacts, cures.shape);
     if (seen.bad_shape)
       throw NumericalError("particle {} {}: {}", id(seen.bad_shape->particle),
                            seen.bad_shape->kind == BadShape::Kind::inverted

@@ -269,6 +269,19 @@ def test_surfaces_that_pierce_each_other_end_the_run():
         sim.run(0.3)
 
 
+@pytest.mark.parametrize("model", ["rough", "smooth"])
+def test_a_particle_written_into_another_one_ends_the_run(model):
+    for ids in ((0, 1), (1, 0)):
+        sim = Simulation(surfaces=pair(3), mesh=BALL, model=model, dt=1e-5, **SHAPE)
+        sim.step(1)
+        outer, inner = ids
+        sim.surfaces[inner][:] = sim.surfaces[outer].mean(axis=0) + 0.1 * (sim.surfaces[inner] - sim.surfaces[inner].mean(axis=0))
+        with pytest.raises(pliant.NumericalError, match=f"particle {inner} is inside particle {outer}: raise e_c"):
+            sim.run(1e-3)
+    free = Simulation(surfaces=[pair()[0], 0.1 * pair()[0]], mesh=BALL, model="shape", a0=np.pi / 6, dt=1e-5, **SHAPE)
+    free.step(1)  # without contacts
+
+
 def test_other_particles_take_no_mesh():
     with pytest.raises(pliant.InputError, match="belong to surfaces"):
         Simulation([[0, 0, 0]], 1, mesh=BALL)

@@ -63,6 +63,28 @@ TEST_CASE("surfaces beside each other do not pierce, overlapping ones do") {
   }
 }
 
+TEST_CASE("a surface inside another one is found, also in a pair that is not the first") {
+  for (const Real offset : {0.0, 0.3}) {
+    Configuration<3> c = spheres({{3, 0, 0}, {3.9, 3, 0}, {offset, 0, 0}, {0, 0, 0}});
+    const auto shrink = [&](Index m, Real factor) {
+      const Vec<3> centre(offset, 0, 0);
+      for (Index i = c.topology.offset[m]; i < c.topology.offset[m + 1]; ++i)
+        point<3>(c.x.data(), i) = centre + factor * (c.position(i) - centre);
+    };
+    shrink(2, 0.2);
+    INFO(offset);
+    const SurfacesLook seen = look_at_surfaces(c.view());
+    REQUIRE(seen.enclosure);
+    CHECK(seen.enclosure->inner == 2);
+    CHECK(seen.enclosure->outer == 3);
+    CHECK(!seen.piercing);
+    // Its box alone is inside the box of the other one, in a corner beyond the faces.
+    for (Index i = c.topology.offset[2]; i < c.topology.offset[3]; ++i)
+      point<3>(c.x.data(), i) += Vec<3>(0.38 - offset, 0.38, 0.38);
+    CHECK(!look_at_surfaces(c.view()).enclosure);
+  }
+}
+
 TEST_CASE("an edge that pierces a face is found though each vertex is outside") {
   // A long tooth of the second particle reaches through the first, out at the other side: all vertices are outside.
   Configuration<3> c = spheres({{0, 0, 0}, {1.5, 0, 0}});
