@@ -11,6 +11,7 @@ import numpy as np
 
 MODEL_NAMES = {"sp": "soft particles", "rough": "rough polygons", "smooth": "smooth polygons", "bubble": "droplets",
                "disk": "frictional disks"}
+_NAMES_IN_SPACE = {"rough": "rough surfaces", "smooth": "smooth surfaces", "disk": "frictional spheres"}
 
 _OPTIONS = json.loads((Path(__file__).parent / "parameters.json").read_text(encoding="utf-8"))
 
@@ -44,9 +45,7 @@ _NOTHING_AT_ZERO = ("mu", "zeta")  # how a system dissipates: 0 is not worth a w
 
 def model_name(run):
     """Name of the particles of a run."""
-    if run.model == "rough" and run.dim == 3:
-        return "rough surfaces"
-    return MODEL_NAMES.get(run.model, run.model)
+    return (_NAMES_IN_SPACE.get(run.model) if run.dim == 3 else None) or MODEL_NAMES.get(run.model, run.model)
 
 
 def reads(model, name):

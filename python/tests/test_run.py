@@ -340,6 +340,13 @@ def test_datasets_have_units_and_descriptions(tmp_path, soft):
             run.describe("series/dt")
 
 
+def test_names_of_particles_in_space(tmp_path):
+    for model in ("rough", "smooth"):
+        write_run(tmp_path / model, model, dim=3, n=30, W=9.0)
+        with Run(tmp_path / model) as run:
+            assert model_name(run) == f"{model} surfaces"
+
+
 def test_closed_surfaces_have_faces_volumes_and_areas(tmp_path):
     write_run(tmp_path / "run", "rough", dim=3, n=30, W=9.0)
     with Run(tmp_path / "run") as run:
@@ -351,7 +358,6 @@ def test_closed_surfaces_have_faces_volumes_and_areas(tmp_path):
         assert_allclose(frame.shape_parameter, 1.09844, rtol=1e-4)
         with pytest.raises(RunError, match="'area'"):
             frame.area
-        assert model_name(run) == "rough surfaces"
 
 
 def test_a_picture_of_surfaces_shows_shaded_triangles_that_face_the_viewer(tmp_path):

@@ -244,6 +244,10 @@ def test_analysis_and_drawing():
         axes = sim.draw(color)
         assert axes.collections and len(axes.collections[-1].get_paths()) > 4
         matplotlib.pyplot.close(axes.figure)
+    for model in ("rough", "smooth"):
+        axes = touching(model).draw()
+        assert axes.get_title().startswith(f"{model} surfaces, ")
+        matplotlib.pyplot.close(axes.figure)
 
 
 # --- Errors
