@@ -30,11 +30,11 @@ class ModelChoice {
   void leave_out(std::string_view term) { left_out_.emplace_back(term); }
   /// Numbers of this role have a default that the scenario finds and sets after `bind`; text: for the help.
   void make_automatic(Role role, const std::string& text);
-  /// The default of numbers of this role, or of choices.
-  template <class Value>
-  void set_default(Role role, Value value) {
-    table_.set(role, value);
-  }
+  /// The default of numbers of this role, in 2D and in 3D.
+  void set_default(Role role, Real in_plane, Real in_space) { table_.set_default(role, in_plane, in_space); }
+  void set_default(Role role, Real value) { set_default(role, value, value); }
+  /// The default of choices of this role.
+  void set_default(Role role, std::string_view choice) { table_.set(role, choice); }
 
   /// -model, if there are several, and the parameters of all models, in the group "Model"; parameters of models that
   /// are not in the catalogue have separate groups. any_dimension: the scenario exists in 2D and 3D.
@@ -46,7 +46,7 @@ class ModelChoice {
   template <int D>
   void resolve(const Surroundings<D>& s) {
     table_.set_dimension(D);
-    ParameterTable::Reader reader(table_, name, &table_);
+    ParameterTable::Reader reader(table_, name, D, &table_);
     model().make<D>(reader, s);
   }
 
@@ -60,13 +60,13 @@ class ModelChoice {
 
   template <int D>
   std::unique_ptr<ForceField<D>> force_field(const Surroundings<D>& s) const {
-    ParameterTable::Reader reader(table_, name);
+    ParameterTable::Reader reader(table_, name, D);
     return model().make<D>(reader, s);
   }
   /// A term as the run's model has it; the model need not have it.
   template <class Term, class... More>
   Term term(Term term, More&&... more) const {
-    ParameterTable::Reader reader(table_, name);
+    ParameterTable::Reader reader(table_, name, table_.dimension());
     return configured(reader, term, std::forward<More>(more)...);
   }
 

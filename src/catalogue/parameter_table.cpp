@@ -16,6 +16,11 @@ void add_new(std::vector<std::string>& all, const std::vector<std::string>& more
     if (std::ranges::find(all, one) == all.end()) all.push_back(one);
 }
 
+std::string defaults_text(Real in_plane, Real in_space) {
+  return in_plane == in_space ? fmt::format("{:g}", in_plane)
+                              : fmt::format("{:g} in 2D, {:g} in 3D", in_plane, in_space);
+}
+
 }  // namespace
 
 std::optional<std::string> ParameterTable::Entry::term_of(std::string_view model, int dim) const {
@@ -120,8 +125,7 @@ class ParameterTable::Collector final : public ParameterReader {
       return;
     entry.other_in_space = InSpace{std::string(p.symbol), std::string(p.help), p.unit, p.value};
     entry.kind = Kind::automatic;
-    entry.automatic = entry.number == p.value ? fmt::format("{:g}", p.value)
-                                              : fmt::format("{:g} in 2D, {:g} in 3D", entry.number, p.value);
+    entry.automatic = defaults_text(entry.number, p.value);
   }
 
   ParameterTable& table_;
@@ -184,15 +188,28 @@ void ParameterTable::set(Role role, std::string_view choice) {
     if (entry.role == role) entry.choice = choice;
 }
 
-ParameterTable::Reader::Reader(const ParameterTable& table, std::string model, ParameterTable* resolve)
-    : table_(table), model_(std::move(model)), resolve_(resolve) {
+void ParameterTable::set_default(Role role, Real in_plane, Real in_space) {
+  for (Entry& entry : entries_) {
+    if (entry.role != role) continue;
+    if (entry.other_in_space) {
+      entry.number = in_plane;
+      entry.other_in_space->number = in_space;
+      entry.automatic = defaults_text(in_plane, in_space);
+    } else {
+      set_number(entry, entry.exists_in(2) ? in_plane : in_space);
+    }
+  }
+}
+
+ParameterTable::Reader::Reader(const ParameterTable& table, std::string model, int dim, ParameterTable* resolve)
+    : table_(table), model_(std::move(model)), dim_(dim), resolve_(resolve) {
   materials = table.surroundings_.materials;
   usual_dynamic_friction = table.surroundings_.usual_dynamic_friction;
 }
 
 Real ParameterTable::Reader::number(const Parameter& p) {
   const Entry& entry = table_.at(p.name);
-  return entry.other_in_space ? automatic(p, p.value) : entry.value();
+  return entry.other_in_space ? automatic(p, entry.default_in(dim_)) : entry.value();
 }
 
 Real ParameterTable::Reader::automatic(const Parameter& p, Real value) {

@@ -60,6 +60,7 @@ class ParameterTable {
     std::optional<std::string> term_of(std::string_view model, int dim = 0) const;
     bool read_by(std::string_view model, int dim = 0) const { return term_of(model, dim).has_value(); }
     bool exists_in(int dim) const;
+    /// Of a number.
     Real default_in(int dim) const { return dim == 3 && other_in_space ? other_in_space->number : number; }
     /// Unit in so many dimensions; 0: a text for all dimensions in which it exists.
     std::string unit_text(const UnitSystem& units, int dim = 0) const;
@@ -91,11 +92,14 @@ class ParameterTable {
   void set(Role role, Real value);
   void set(Role role, std::string_view choice);
 
+  /// The default of all numbers with a role, in 2D and in 3D.
+  void set_default(Role role, Real in_plane, Real in_space);
+
   /// Gives terms of a model the values of this table.
   class Reader final : public ParameterReader {
    public:
-    /// resolve: table that receives the automatic values, or null; may be `table`.
-    Reader(const ParameterTable& table, std::string model, ParameterTable* resolve = nullptr);
+    /// dim: dimensions of the terms. resolve: table that receives the automatic values, or null; may be `table`.
+    Reader(const ParameterTable& table, std::string model, int dim, ParameterTable* resolve = nullptr);
     Real number(const Parameter& p) override;
     Real automatic(const Parameter& p, Real value) override;
     bool flag(const Parameter& p) override { return table_.at(p.name).flag; }
@@ -107,6 +111,7 @@ class ParameterTable {
    private:
     const ParameterTable& table_;
     std::string model_;
+    int dim_;
     ParameterTable* resolve_;
   };
 

@@ -47,8 +47,8 @@ std::vector<Index> remove_rattlers(const Topology& topology, std::vector<Touchin
   std::map<Index, Particle> particles;  // by id
   for (Index m = 0; m < topology.owned(); ++m)
     if (topology.active[m] != 0) {
-      const bool polygon = topology.points_of(m) > 1;
-      particles.emplace(topology.id[m], Particle{topology.id[m], polygon ? 2 : 0, polygon ? 3 : D + 1});
+      const Index neighbours = topology.points_of(m) > 1 ? 2 : 0;
+      particles.emplace(topology.id[m], Particle{topology.id[m], neighbours, D + 1});
     }
   for (std::size_t k = 0; k < pairs.size(); ++k)
     for (const Index id : {pairs[k].first, pairs[k].second}) {

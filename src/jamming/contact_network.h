@@ -23,8 +23,8 @@ struct TouchingPair {
 /// the edges of the other. A vertex of a rough polygon that touches two vertices and the edge between them has three
 /// contacts.
 ///
-/// A rattler is a particle that its contacts cannot hold: a soft particle with fewer than D + 1 contacts, a polygon
-/// with fewer than two touching particles or fewer than three contacts. Contacts of rattlers do not count, so that
+/// A rattler is a particle that its contacts cannot hold: one with fewer than D + 1 contacts, or a deformable
+/// particle with fewer than two touching particles. Contacts of rattlers do not count, so that
 /// other particles may become rattlers, and so on.
 template <int D>
 struct ContactNetwork {

@@ -37,6 +37,7 @@ enum class Role {
   dynamic_friction,  ///< Coulomb's coefficient, of sliding surfaces
   restitution,       ///< of collisions, which dissipate where it is less than 1
   drag,              ///< drag coefficient
+  volume,            ///< stiffness of volumes
   area,              ///< stiffness of areas
   perimeter,         ///< stiffness of perimeters
   bending,           ///< bending stiffness

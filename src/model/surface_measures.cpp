@@ -5,6 +5,8 @@
 #include <array>
 #include <cmath>
 
+#include <pliant/geometry/hinge.h>
+
 namespace pliant {
 
 Real stretch(const Surface& s) {
@@ -28,6 +30,32 @@ Real widest_gap(const Surface& s) {
     widest2 = std::max(widest2, c2 > a2 + b2 ? b2 / (4 * cosine2) : a2 / (4 * sine2));
   }
   return stretch(s) * std::sqrt(widest2);
+}
+
+namespace {
+
+/// Calls visit(length, angle) for each edge: the angle between the normals of its faces.
+template <class Visit>
+void for_each_edge(const Real* x, const Topology& topology, const Surface& surface, Index m, Visit&& visit) {
+  const auto at = [&](Index i) { return Vec<3>(point<3>(x, topology.offset[m] + i)); };
+  for (const Hinge& h : surface.hinges) {
+    const HingeAngle angle(at(h.a), at(h.b), at(h.c), at(h.d));
+    visit((at(h.b) - at(h.a)).norm(), std::atan2(angle.sine, angle.cosine));
+  }
+}
+
+}  // namespace
+
+Real shell_volume(const Real* x, const Topology& topology, const Surface& surface, Index m, Real width) {
+  Real curvature = 0;
+  for_each_edge(x, topology, surface, m, [&](Real length, Real angle) { curvature += length * angle / 2; });
+  return width * (surface_area(x, topology, surface, m) + width * (curvature + 4 * pi / 3 * width));
+}
+
+Real outer_spheres_volume(const Real* x, const Topology& topology, const Surface& surface, Index m, Real diameter) {
+  Real angles = 0;
+  for_each_edge(x, topology, surface, m, [&](Real, Real angle) { angles += angle; });
+  return (Real(surface.points()) / 2 + angles / (2 * pi)) * pi * diameter * square(diameter) / 6;
 }
 
 bool inside_surface(const Real* x, const Topology& topology, const Surface& surface, Index m, const Vec<3>& place) {

@@ -69,13 +69,13 @@ Real SurfaceTerm::stiffest_mode(const Surface& surface,
   return sink.largest_eigenvalue(surface.points());
 }
 
-void Volume::add_hessian(const StateView<3>& s, Index m, BlockSink<3>& h) const {
+void Volume::add_hessian(const StateView<3>& s, Index m, BlockSink<3>& h, PreStress pre_stress) const {
   const Shape p = shape(s, m);
   const Index n = p.surface.points();
   const std::vector<Vec<3>> gradient = volume_gradient(p.surface, [&](Index i) { return p.at(i); });
   for (Index i = 0; i < n; ++i)
     for (Index j = 0; j < n; ++j) h.add(p.first + i, p.first + j, k_v * gradient[i] * gradient[j].transpose());
-  const Real sixth = k_v * excess(s, m) / 6;
+  const Real sixth = slope_factor(pre_stress) * k_v * excess(s, m) / 6;
   for (const Hinge& k : p.surface.hinges) {
     const Mat<3> block = -sixth * skew(p.at(k.c) - p.at(k.d));
     h.add(p.first + k.a, p.first + k.b, block);
@@ -113,14 +113,15 @@ Real EdgeLength::energy(const StateView<3>& s, Index m) const {
   return k_l / 2 * sum;
 }
 
-void EdgeLength::add_hessian(const StateView<3>& s, Index m, BlockSink<3>& sink) const {
+void EdgeLength::add_hessian(const StateView<3>& s, Index m, BlockSink<3>& sink, PreStress pre_stress) const {
   const Shape p = shape(s, m);
   for (std::size_t k = 0; k < p.surface.hinges.size(); ++k) {
     const Index a = p.surface.hinges[k].a, b = p.surface.hinges[k].b;
     const Vec<3> l = p.at(b) - p.at(a);
     const Real length = l.norm();
     const Vec<3> n = l / length;
-    const Mat<3> block = k_l * (n * n.transpose() + (length - p.rest_length(k)) * distance_curvature<3>(n, length));
+    const Mat<3> block = k_l * (n * n.transpose() + slope_factor(pre_stress) * (length - p.rest_length(k)) *
+                                                        distance_curvature<3>(n, length));
     for (const Index i : {a, b})
       for (const Index j : {a, b}) sink.add(p.first + i, p.first + j, i == j ? block : Mat<3>(-block));
   }
@@ -143,7 +144,7 @@ Real HingeBending::energy(const StateView<3>& s, Index m) const {
   return k_b * sum;
 }
 
-void HingeBending::add_hessian(const StateView<3>& s, Index m, BlockSink<3>& sink) const {
+void HingeBending::add_hessian(const StateView<3>& s, Index m, BlockSink<3>& sink, PreStress pre_stress) const {
   const Shape p = shape(s, m);
   for (std::size_t k = 0; k < p.surface.hinges.size(); ++k) {
     const Hinge& h = p.surface.hinges[k];
@@ -154,7 +155,8 @@ void HingeBending::add_hessian(const StateView<3>& s, Index m, BlockSink<3>& sin
     for (int i = 0; i < 4; ++i)
       for (int j = 0; j < 4; ++j)
         sink.add(points[i], points[j],
-                 k_b * (turn.cosine * angle.gradient[i] * angle.gradient[j].transpose() + turn.sine * second[i][j]));
+                 k_b * (turn.cosine * angle.gradient[i] * angle.gradient[j].transpose() +
+                        slope_factor(pre_stress) * turn.sine * second[i][j]));
   }
 }
 

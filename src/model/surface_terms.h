@@ -75,7 +75,8 @@ struct Volume : SurfaceTerm {
                     .unit = {1, -5, 0},
                     .help = "volume stiffness K_v: K_v/2 (V - V0)^2",
                     .value = 2e4,
-                    .alias = "kv"});
+                    .alias = "kv",
+                    .role = Role::volume});
   }
 
   bool enabled(const StateView<3>& s) const { return s.topology.surfaces && k_v > 0; }
@@ -89,7 +90,7 @@ struct Volume : SurfaceTerm {
       for (const Index i : {a, b, c}) grad.add(p.first + i, push);
     }
   }
-  void add_hessian(const StateView<3>& s, Index m, BlockSink<3>& h) const;
+  void add_hessian(const StateView<3>& s, Index m, BlockSink<3>& h, PreStress pre_stress = PreStress::kept) const;
   /// Breathing mode: ω² = k_v S0²/M in an icosphere, S0 the rest area of the surface.
   Real max_rate(const Topology& topology) const;
 
@@ -118,11 +119,12 @@ struct FaceEnergy : SurfaceTerm {
       for (int k = 0; k < 3; ++k) grad.add(p.first + p.surface.faces[f][k], Vec<3>(tension * a.gradient[k]));
     }
   }
-  void add_hessian(const StateView<3>& s, Index m, BlockSink<3>& h) const {
+  void add_hessian(const StateView<3>& s, Index m, BlockSink<3>& h, PreStress pre_stress = PreStress::kept) const {
     const Shape p = shape(s, m);
     for (std::size_t f = 0; f < p.surface.faces.size(); ++f) {
       const TriangleArea a = p.area(f);
-      const Real tension = own().slope(a.area, p.rest_area(f)), k = own().curvature(a.area, p.rest_area(f));
+      const Real tension = slope_factor(pre_stress) * own().slope(a.area, p.rest_area(f)),
+                 k = own().curvature(a.area, p.rest_area(f));
       for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j)
           h.add(p.first + p.surface.faces[f][i], p.first + p.surface.faces[f][j],
@@ -206,7 +208,7 @@ struct EdgeLength : SurfaceTerm {
       grad.add(p.first + h.a, -tension);
     }
   }
-  void add_hessian(const StateView<3>& s, Index m, BlockSink<3>& sink) const;
+  void add_hessian(const StateView<3>& s, Index m, BlockSink<3>& sink, PreStress pre_stress = PreStress::kept) const;
   /// ω² = 6 k_l/m in an icosphere.
   Real max_rate(const Topology& topology) const {
     return rate(topology, stiffest_mode_of(topology, 6, EdgeLength{{}, 1}) * k_l);
@@ -245,7 +247,8 @@ struct HingeBending : SurfaceTerm {
       for (int i = 0; i < 4; ++i) grad.add(points[i], Vec<3>(moment * angle.gradient[i]));
     }
   }
-  void add_hessian(const StateView<3>& s, Index m, BlockSink<3>& sink) const;
+  /// Without pre-stress the energy counts as a function of the angles.
+  void add_hessian(const StateView<3>& s, Index m, BlockSink<3>& sink, PreStress pre_stress = PreStress::kept) const;
   /// ω² ≤ 37 k_b/(l² m) in icospheres, l the mean length of an edge.
   Real max_rate(const Topology& topology) const;
 

@@ -60,21 +60,6 @@ Topology outer_disks(const Topology& topology) {
   return disks;
 }
 
-template <int D>
-void place_at_random_angles(const Topology& topology, const std::vector<Real>& centres, std::uint64_t seed, Real* x) {
-  const auto draw = [&](std::uint64_t k) { return rng::uniform(seed, stream::orientation, k); };
-  for (Index m = 0; m < topology.particles(); ++m) {
-    if constexpr (D == 3)
-      if (topology.surfaces) {
-        const std::uint64_t k = 3 * static_cast<std::uint64_t>(m);
-        place_surface(topology, m, point<3>(centres.data(), m), random_rotation(draw(k), draw(k + 1), draw(k + 2)), x);
-        continue;
-      }
-    place_particle(topology, m, &centres[static_cast<std::size_t>(m) * D], 2 * pi * draw(static_cast<std::uint64_t>(m)),
-                   x);
-  }
-}
-
 }  // namespace
 
 template <int D>
@@ -171,7 +156,7 @@ Packing pack(const Topology& topology, const Container& container, const Packing
           n, packing.max_overlap, packing.fraction, relaxed.reason);
   }
   packing.fraction = std::min(packing.fraction, content / container.capacity(D, packing.height));
-  place_at_random_angles<D>(topology, centres, p.seed, x);
+  place_at_random_angles(topology, centres.data(), p.seed, x);
   return packing;
 }
 
@@ -209,7 +194,7 @@ Packing pack(const Topology& topology, const Box<D>& box, const PackingParameter
     auto r = point<D>(centres.data(), m);
     r -= box.shift(box.image_of(r));
   }
-  place_at_random_angles<D>(topology, centres, p.seed, x);
+  place_at_random_angles(topology, centres.data(), p.seed, x);
   return packing;
 }
 

@@ -273,6 +273,18 @@ void place_surface(const Topology& topology, Index m, const Vec<3>& centre, cons
     point<3>(x, i++) = centre + scale * (rotation * r);
 }
 
+void place_at_random_angles(const Topology& topology, const Real* centres, std::uint64_t seed, Real* x) {
+  const auto draw = [&](std::uint64_t k) { return rng::uniform(seed, stream::orientation, k); };
+  for (Index m = 0; m < topology.particles(); ++m) {
+    const auto k = static_cast<std::uint64_t>(m);
+    if (topology.surfaces)
+      place_surface(topology, m, point<3>(centres, m), random_rotation(draw(3 * k), draw(3 * k + 1), draw(3 * k + 2)),
+                    x);
+    else
+      place_particle(topology, m, centres + k * static_cast<std::uint64_t>(topology.dim), 2 * pi * draw(k), x);
+  }
+}
+
 Mat<3> random_rotation(Real u, Real v, Real w) {
   // A uniformly random unit quaternion [K. Shoemake, Graphics Gems III (1992), 124].
   const Real a = std::sqrt(1 - u), b = std::sqrt(u);

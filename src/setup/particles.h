@@ -69,6 +69,9 @@ void place_particle(const Topology& topology, Index m, const Real* centre, Real 
 /// Writes particle m, a surface in the shape of its mesh, turned by `rotation`. x [points · 3].
 void place_surface(const Topology& topology, Index m, const Vec<3>& centre, const Mat<3>& rotation, Real* x);
 
+/// Places all particles in their shapes at the start, at random angles. centres [particles · D], x [points · D].
+void place_at_random_angles(const Topology& topology, const Real* centres, std::uint64_t seed, Real* x);
+
 /// A uniformly random rotation from three numbers in [0, 1).
 Mat<3> random_rotation(Real u, Real v, Real w);
 

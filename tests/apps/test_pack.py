@@ -271,7 +271,8 @@ def test_threads_change_nothing(tmp_path):
 @pytest.mark.parametrize("options, message", [
     ({"pressure": 0}, "-pressure"), ({"pressure": -1}, "-pressure"), ({"pressure": "nan"}, "-pressure"),
     ({"pressure": 1}, "-start_pressure"), ({"fraction": 0}, "-fraction"), ({"n": 0}, "-n"),
-    ({"model": "rough", "dim": 3}, "does not exist in 3D"), ({"n_vertices": 8}, "-n_vertices"),
+    ({"n_vertices": 8}, "-n_vertices"), ({"mesh": "a.off"}, "a.off"),
+    ({"model": "rough", "shape_parameter": 0.5}, "-shape_parameter 0.5"),
     ({"path": "quench", "pressure": 1e-3}, "-pressure"), ({"path": "compress", "start_pressure": 1e-2}, "-start_pressure"),
     ({"path": "compress", "fraction": 0.95}, "there is nothing to compress"), ({"ensemble_workers": 2}, "give -ensemble"),
     ({"fraction_step": 1e-3}, "-path decompress, which does not read it"),

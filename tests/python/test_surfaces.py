@@ -161,6 +161,35 @@ def test_a_periodic_box():
     assert minimum.energy < 8 * (SHAPE["k_b"] * 7.7 + SHAPE["gamma"] * np.pi * 1.2)
 
 
+@pytest.mark.parametrize("model, options", [("rough", {}), ("smooth", {"e_c": 0.05, "edge_width": 0.3})])
+def test_a_packing(model, options, tmp_path):
+    """No forces at the minimum; the pressure is the derivative of the energy by the volume; lattice vectors change nothing."""
+    run = pliant.pack(model=model, dim=3, n=5, n_vertices=12, size_distribution="mono", pressure=0.05, start_pressure=0.05,
+                      force_tolerance=1e-7, output=tmp_path / "run", **options)
+    frame, edge = run.frames[-1], np.linalg.norm(BALL.vertices[0] - BALL.vertices[11])
+    lengths, start = np.full(3, np.cbrt(run.series["volume"].iloc[-1])), np.split(frame.positions, 5)
+    terms = {"k_v": 10, "k_a": 1, "k_l": 1, "k_b": 0, "e_c": options.get("e_c", 1)}
+
+    def simulation(stretch=np.eye(3), cells=0):
+        """All points and the box are stretched; particle 2 is in another cell."""
+        surfaces = [(x + (cells * lengths[0] if m == 2 else 0)) @ stretch for m, x in enumerate(start)]
+        return Simulation(surfaces=surfaces, mesh=BALL, a0=np.pi / 6, model=model, box=tuple(np.diag(stretch) * lengths),
+                          diameters=0.3 * edge if model == "smooth" else None, **terms)
+
+    sim = simulation()
+    assert sum(sim.energies.values()) == pytest.approx(run.series["energy"].iloc[-1], rel=1e-9)
+    assert np.abs(sim.forces).max() < 1.1 * 0.05e-7
+    for direction in range(3):
+        e, h = np.zeros((3, 3)), 1e-6
+        e[direction, direction] = h
+        up, down = (sum(simulation(np.eye(3) + sign * e).energies.values()) for sign in (1, -1))
+        stress = run.vector_series["stress"][-1][[0, 3, 5]]
+        assert (up - down) / (2 * h) / lengths.prod() == pytest.approx(stress[direction], rel=1e-5)
+    assert stress.mean() == pytest.approx(-0.05, rel=1e-5)
+    shifted = simulation(cells=np.array([1, -2, 1]))
+    assert shifted.forces == pytest.approx(sim.forces, abs=1e-11) and sum(shifted.energies.values()) == pytest.approx(sum(sim.energies.values()), rel=1e-12)
+
+
 def test_threads_change_no_bit():
     centres = np.stack(np.meshgrid(*[np.arange(6) * 1.1] * 3, indexing="ij"), -1).reshape(-1, 3)
     mesh = Mesh.icosphere(42)

@@ -1,7 +1,12 @@
 // Closed surfaces of a run: the start, piercings and shapes without meaning.
 #include <catch2/catch.hpp>
 
+#include <cmath>
+#include <memory>
+#include <vector>
+
 #include <pliant/model/surface_crossing.h>
+#include <pliant/model/surface_measures.h>
 #include <pliant/setup/particles.h>
 
 #include "support/configurations.h"
@@ -155,6 +160,45 @@ TEST_CASE("a surface that crosses itself, folds, or is inverted is found") {
       CHECK(look_at_surfaces(c.view()).self_piercing.has_value() == (beyond > 0));
     }
   }
+}
+
+TEST_CASE("volumes of rims of surfaces") {
+  const auto placed = [](const TriangleMesh& mesh) {
+    Configuration<3> c;
+    const auto surfaces = std::make_shared<Surfaces>();
+    surfaces->kinds.push_back(relaxed_surface(mesh));
+    surfaces->add_particle(c.topology, 0, surfaces->kinds[0].volume, 0.1, 1);
+    c.topology.dim = 3;
+    c.topology.surfaces = surfaces;
+    c.x.resize(mesh.vertices.size() * 3);
+    c.v.resize(c.x.size());
+    place_surface(c.topology, 0, {1e3, 2, 3}, random_rotation(0.1, 0.2, 0.6), c.x.data());
+    return c;
+  };
+  const std::vector<Face> faces{{0, 1, 3}, {0, 3, 2}, {4, 6, 7}, {4, 7, 5}, {0, 4, 5}, {0, 5, 1},
+                                {2, 3, 7}, {2, 7, 6}, {0, 2, 6}, {0, 6, 4}, {1, 5, 7}, {1, 7, 3}};
+  TriangleMesh block;
+  for (const Real x : {0, 1})
+    for (const Real y : {0, 2})
+      for (const Real z : {0, 3}) block.vertices.emplace_back(x, y, z);
+  block.faces = faces;
+  {
+    // A block with its faces, quarters of cylinders along its edges, and eighths of spheres at its corners.
+    const Configuration<3> c = placed(block);
+    const Surface& surface = c.topology.surfaces->kinds[0];
+    const Real w = 0.2, shell = 22 * w + pi * w * w * (1 + 2 + 3) + 4 * pi / 3 * w * w * w;
+    CHECK(shell_volume(c.x.data(), c.topology, surface, 0, w) == Approx(shell).epsilon(1e-9));
+    // Seven eighths of each sphere are outside.
+    CHECK(outer_spheres_volume(c.x.data(), c.topology, surface, 0, w) == Approx(7 * pi * w * w * w / 6).epsilon(1e-9));
+  }
+  // The solid angle at a vertex of a regular tetrahedron is acos(23/27).
+  TriangleMesh tetrahedron;
+  tetrahedron.vertices = {{1, 1, 1}, {1, -1, -1}, {-1, 1, -1}, {-1, -1, 1}};
+  tetrahedron.faces = {{0, 1, 2}, {0, 2, 3}, {0, 3, 1}, {1, 3, 2}};
+  const Configuration<3> c = placed(tetrahedron);
+  const Real d = 0.7, outside = 4 * (1 - std::acos(23.0 / 27) / (4 * pi));
+  CHECK(outer_spheres_volume(c.x.data(), c.topology, c.topology.surfaces->kinds[0], 0, d) ==
+        Approx(outside * pi * d * d * d / 6).epsilon(1e-9));
 }
 
 TEST_CASE("particles of a run in space are icospheres of the volume of a sphere") {

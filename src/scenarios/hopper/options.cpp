@@ -11,7 +11,6 @@
 
 #include <pliant/base/console.h>
 #include <pliant/base/errors.h>
-#include <pliant/geometry/off_text.h>
 #include <pliant/model/drag.h>
 #include <pliant/scenarios/hopper/shapes.h>
 #include <pliant/scenarios/particles/options.h>
@@ -68,12 +67,7 @@ void HopperOptions::bind(Options& o) {
   o.bind("seed", seed, {.help = "seed of all random numbers", .min = 0, .on_restart = fixed});
   bind_sizes(o, sizes);
   bind_shape(o, shape);
-  o.bind("mesh", mesh,
-         {.help = "3D: OFF or OBJ file with the shape of particles, instead of an icosphere",
-          .on_restart = fixed,
-          .read = [](const std::string& file, const std::filesystem::path& folder) {
-            return off_text(read_mesh(path_from(folder, file)));
-          }});
+  bind_mesh(o, mesh);
 
   o.group("Hopper");
   o.bind("hopper_width", hopper.orifice,
@@ -204,18 +198,7 @@ void HopperOptions::take_start(const std::optional<Checkpoint>& checkpoint) {
 }
 
 void HopperOptions::resolve() {
-  if (!mesh.empty()) {
-    shape.mesh = std::make_shared<TriangleMesh>(mesh_of_off(mesh, "-mesh"));
-    shape.vertices = static_cast<Index>(shape.mesh->vertices.size());
-  }
-  resolve_vertices(shape, dim);
-  // sin²θ = 1 of two edges is 4 edge_width² then (Mollifier).
-  constexpr Real widest_edge_of_surface = 0.5;
-  if (dim == 3 && model.particles() == ModelKind::smooth && shape.edge_width > widest_edge_of_surface)
-    throw InputError(
-        "-edge_width {} with -dim 3: contacts of edges that are wider than half their length count less at all angles; "
-        "use at most {}",
-        shape.edge_width, widest_edge_of_surface);
+  resolve_shape(shape, mesh, model.particles(), dim);
   if (dim == 2)
     model.resolve<2>({});
   else

@@ -2,9 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
+
+#include <fmt/format.h>
 
 #include <pliant/model/crossing.h>
 #include <pliant/model/polygon.h>
+#include <pliant/model/surface_measures.h>
 #include <pliant/setup/particles.h>
 
 namespace pliant {
@@ -34,26 +38,54 @@ std::pair<Topology, ParticleSystem<D>> particles_in_box(const PackingOptions& p,
 template <int D>
 Real packing_fraction(const ParticleSystem<D>& system, const Real* x) {
   const Topology& t = system.topology();
-  Real content = 0;
-  for (Index m = 0; m < t.owned(); ++m)
+  const auto present = [&](Index m) {
+    if (t.points_of(m) == 1) return t.a0[m];
     if constexpr (D == 2)
-      content += t.points_of(m) > 1 ? polygon_area(x, t, m) : t.a0[m];
+      return polygon_area(x, t, m);
     else
-      content += t.a0[m];
+      return surface_volume(x, t, t.surfaces->of(t, m), m);
+  };
+  Real content = 0;
+  for (Index m = 0; m < t.owned(); ++m) content += present(m);
   return content / system.box().volume();
 }
 
 template <int D>
-void check_outlines(ParticleSystem<D>& system, const Real* x, std::string_view when, std::string_view cure) {
+Real rim_fraction(const ParticleSystem<D>& system, const Real* x, ModelKind particles) {
+  const Topology& t = system.topology();
+  Real rim = 0;
+  for (Index m = 0; m < t.owned(); ++m) {
+    if (t.points_of(m) == 1) continue;
+    const Real delta = t.diameter[t.offset[m]];
+    if constexpr (D == 2) {
+      const Real disk = pi * square(delta) / 4;
+      if (particles == ModelKind::rough)
+        rim += (Real(t.points_of(m)) / 2 + 1) * disk;
+      else
+        rim += polygon_perimeter(x, t, m) * delta / 2 + disk;
+    } else {
+      const Surface& surface = t.surfaces->of(t, m);
+      rim += particles == ModelKind::rough ? outer_spheres_volume(x, t, surface, m, delta)
+                                           : shell_volume(x, t, surface, m, delta / 2);
+    }
+  }
+  return packing_fraction(system, x) + rim / system.box().volume();
+}
+
+template <int D>
+void check_crossings(ParticleSystem<D>& system, const Real* x, std::string_view when, const SurfaceCures& cures) {
+  if (!system.topology().deformable()) return;
+  const StateView<D> s = system.view(x, nullptr);
   if constexpr (D == 2) {
-    if (!system.topology().deformable()) return;
-    const StateView<2> s = system.view(x, nullptr);
     const auto id = [&](Index m) { return system.topology().id[m]; };
+    const std::string cure = fmt::format("{}, or {}", cures.contacts, cures.shape);
     if (const SelfLook look = look_at_own_outlines(s); look.crossing)
       throw NumericalError("the outline of particle {} crosses itself {}; {}", id(look.crossing->particle), when, cure);
     if (const auto crossing = find_crossing(s))
       throw NumericalError("a vertex of particle {} lies inside particle {} {}; {}", id(crossing->particle),
                            id(crossing->other), when, cure);
+  } else {
+    check_surfaces(s, system.ranks(), cures);
   }
 }
 
@@ -73,9 +105,11 @@ template std::pair<Topology, ParticleSystem<2>> particles_in_box<2>(const Packin
 template std::pair<Topology, ParticleSystem<3>> particles_in_box<3>(const PackingOptions&, const Ranks&);
 template Real packing_fraction<2>(const ParticleSystem<2>&, const Real*);
 template Real packing_fraction<3>(const ParticleSystem<3>&, const Real*);
+template Real rim_fraction<2>(const ParticleSystem<2>&, const Real*, ModelKind);
+template Real rim_fraction<3>(const ParticleSystem<3>&, const Real*, ModelKind);
 template void check_overlaps<2>(ParticleSystem<2>&, const Real*, std::string_view);
 template void check_overlaps<3>(ParticleSystem<3>&, const Real*, std::string_view);
-template void check_outlines<2>(ParticleSystem<2>&, const Real*, std::string_view, std::string_view);
-template void check_outlines<3>(ParticleSystem<3>&, const Real*, std::string_view, std::string_view);
+template void check_crossings<2>(ParticleSystem<2>&, const Real*, std::string_view, const SurfaceCures&);
+template void check_crossings<3>(ParticleSystem<3>&, const Real*, std::string_view, const SurfaceCures&);
 
 }  // namespace pliant

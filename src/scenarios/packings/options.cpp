@@ -18,19 +18,19 @@ std::vector<ModelDefinition> models() {
   std::vector<ModelDefinition> all;
   for (const ModelKind kind : {ModelKind::sp, ModelKind::rough, ModelKind::smooth, ModelKind::bubble})
     all.push_back(catalogue_model(kind));
-  for (ModelDefinition& model : all)
-    if (model.particles == ModelKind::rough || model.particles == ModelKind::smooth)
-      model.space = {};  // packings of surfaces do not exist yet
   return all;
 }
 
 }  // namespace
 
 PackingOptions::PackingOptions(std::initializer_list<std::string_view> unused) : model(models()) {
+  for (const std::string_view term : {"friction", "friction_vertex", "friction_edge", "wall", "lip"})
+    model.leave_out(term);
   for (const std::string_view term : unused) model.leave_out(term);
   model.set_default(Role::contact_energy, 1.0);
   model.set_default(Role::wall_energy, 1.0);
-  model.set_default(Role::area, 10.0);
+  model.set_default(Role::volume, 10);
+  model.set_default(Role::area, 10, 1);
   model.set_default(Role::perimeter, 1.0);
   model.set_default(Role::bending, 0.0);
   model.set_default(Role::contact_force, 1.0);
@@ -45,7 +45,7 @@ void PackingOptions::bind_particles(Options& o) {
                    {"eps", "eps is the unit of energy, in which contact energies are given: leave it out"}});
   model.bind(o, UnitSystem::static_packings(), true);
   o.bind("dim", dim,
-         {.help = "dimension; 3 for sp and bubble",
+         {.help = "dimension",
           .min = 2,
           .max = 3,
           .cures = {{Cure::two_dimensions, "2"}, {Cure::three_dimensions, "3"}},
@@ -56,6 +56,17 @@ void PackingOptions::bind_particles(Options& o) {
   o.bind("seed", seed, {.help = "seed of all random numbers", .min = 0, .on_restart = fixed});
   bind_sizes(o, sizes);
   bind_shape(o, shape);
+  bind_mesh(o, mesh);
+}
+
+void PackingOptions::resolve_particles() {
+  resolve_shape(shape, mesh, model.particles(), dim);
+  if (dim == 2) {
+    check_regular_shape(shape);
+    model.resolve<2>({});
+  } else {
+    model.resolve<3>({});
+  }
 }
 
 void PackingOptions::bind_minimisation(Options& o) {
@@ -100,6 +111,9 @@ void PackingOptions::bind_packing_output(Options& o, const std::string& step) {
 void PackingOptions::refuse_unread(const Options& options) const {
   model.refuse_unread(options);
   refuse_unread_particles(options, model, sizes);
+  if (!model.deformable()) refuse_unread_by("-model " + model.name, options, {"mesh"});
+  if (dim == 2) refuse_unread_by("-dim 2", options, {"mesh"});
+  if (!mesh.empty()) refuse_unread_by("-mesh", options, {"n_vertices"});
   if (modes == 0) refuse_unread_by("-modes 0", options, {"pre_stress"});
 }
 
@@ -120,7 +134,7 @@ void PackOptions::bind_path(Options& o, bool compresses) {
           .min = 1e-3,
           .max = 3,
           .max_open = true,
-          .automatic = fmt::format("soft particles: 0.9 (3D: 0.7){}; polygons: 0.65 (disks around them)",
+          .automatic = fmt::format("soft particles: 0.9 (3D: 0.7){}; deformable: 0.65 (3D: 0.55) of disks around them",
                                    compresses ? ", compress: 0.5 (3D: 0.3)" : ""),
           .on_restart = fixed});
   o.bind("pressure", pressure,
@@ -150,8 +164,7 @@ void PackOptions::bind(Options& o) {
 }
 
 void PackOptions::resolve() {
-  if (dim == 3 && !model.model().space)
-    throw InputError("-model {} does not exist in 3D; use {}", model.name, cures({Cure::two_dimensions}));
+  resolve_particles();
   if (model.particles() == ModelKind::bubble)  // refuses attraction that is stronger than the contact force
     for (const Real sigma : {sizes.smallest(), sizes.largest()})
       droplets_at_rest(model.term(BubbleContact<2>{}).law, model.term(Depletion<2>{}).law, sigma / 2, sigma / 2);
@@ -160,10 +173,11 @@ void PackOptions::resolve() {
   if (!fraction) {
     fraction = path == PackingPath::compress ? (dim == 2 ? 0.5 : 0.3) : (dim == 2 ? 0.9 : 0.7);
     if (model.deformable()) {
-      // The disks around the polygons have to find room.
-      constexpr Real fraction_of_disks = 0.65;
-      const Topology one = make_particles(model.particles(), 2, {1}, shape);
-      fraction = fraction_of_disks * one.a0[0] / (pi * square(outer_radius(one, 0)));
+      // The disks (spheres) around the particles have to find room.
+      const Topology one = make_particles(model.particles(), dim, {1}, shape);
+      const Real radius = outer_radius(one, 0);
+      fraction = dim == 2 ? 0.65 * one.a0[0] / (pi * square(radius))
+                          : 0.55 * one.a0[0] / (4 * pi / 3 * radius * square(radius));
     }
   }
   if (path == PackingPath::decompress && pressure > start_pressure)
@@ -207,7 +221,7 @@ std::string PackOptions::path_text() const {
                      *fraction, end);
 }
 
-ShearOptions::ShearOptions() : PackOptions({"friction", "wall", "lip"}) {
+ShearOptions::ShearOptions() : PackOptions(std::initializer_list<std::string_view>{}) {
   pressure = 1e-3;
   model.make_automatic(Role::drag, "1 with -shear_rate; else 0");
 }

@@ -3,6 +3,7 @@
 
 #include <initializer_list>
 #include <optional>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -15,14 +16,15 @@ namespace pliant {
 
 /// Units: σ_avg and the energy ε in which contact energies are given.
 struct PackingOptions : RunOptions {
-  /// unused: terms of the models that the scenario has no use for.
-  explicit PackingOptions(std::initializer_list<std::string_view> unused = {"drag", "friction", "wall", "lip"});
+  /// unused: terms of the models that the scenario has no use for, besides friction and walls.
+  explicit PackingOptions(std::initializer_list<std::string_view> unused = {"drag"});
 
   ModelChoice model;
   int dim = 2;
   Index particles = 64;
   SizeDistribution sizes;
-  PolygonShape shape;
+  PolygonShape shape{.vertices = 0};
+  std::string mesh;  ///< text of an OFF file, of which shape.mesh is made; empty: none
   std::optional<Real> fraction;
   Real force_tolerance = 1e-6;
   std::int64_t max_iterations = 1000000;
@@ -36,7 +38,8 @@ struct PackingOptions : RunOptions {
   void refuse_unread(const Options& options) const;
 
  protected:
-  void bind_particles(Options& options);     ///< the groups "Model" and "Particles"
+  void bind_particles(Options& options);  ///< the groups "Model" and "Particles"
+  void resolve_particles();
   void bind_minimisation(Options& options);  ///< the group "Minimisation"
   void bind_analysis(Options& options);      ///< the group "Analysis"
   void bind_packing_output(Options& options, const std::string& step);

@@ -29,14 +29,15 @@ std::unique_ptr<Simulation<D>> make_simulation(const PackingOptions& p, const Ra
   return std::make_unique<Simulation<D>>(std::move(all), std::move(particles), Sorting::at_start);
 }
 
-/// Pushes apart the disks (spheres) that hold the particles, if contacts of the particles could not: outlines that
-/// cross, and droplets that have swallowed others. Errors: InputError if overlaps, over the contact distance, remain
-/// that are larger than `most`.
+/// Pushes apart the disks (spheres) that hold the particles, if contacts of the particles could not: deformable
+/// particles that cross, and droplets that have swallowed others. Errors: InputError if overlaps, over the contact
+/// distance, remain that are larger than `most`.
 template <int D>
 void push_disks_apart(const Topology& particles, const Box<D>& box, Real most, std::vector<Real>& centres) {
   Topology disks;
   disks.dim = D;
   for (Index m = 0; m < particles.particles(); ++m) disks.add_soft(2 * outer_radius(particles, m), 1);
+  constexpr std::string_view shapes = D == 2 ? "disks" : "spheres";
   ParticleSystem<D> system(
       std::move(disks), {},
       make_force_field<D>(ModelKind::sp, ParameterValues{{Role::contact_energy, 1.0}, {Role::wall_energy, 1.0}}), 0.3,
@@ -48,9 +49,9 @@ void push_disks_apart(const Topology& particles, const Box<D>& box, Real most, s
   system.field().for_each_contact(system.view(centres.data(), nullptr), [&](const Contact<D>& c) {
     if (c.overlap > most)
       throw InputError(
-          "the disks around particles {} and {} overlap by {:.2g} of their contact distance at the start; begin with a "
+          "the {} around particles {} and {} overlap by {:.2g} of their contact distance at the start; begin with a "
           "lower fraction (-fraction)",
-          system.topology().id[c.first], system.topology().id[c.second], c.overlap);
+          shapes, system.topology().id[c.first], system.topology().id[c.second], c.overlap);
   });
 }
 
@@ -92,13 +93,11 @@ std::vector<Real> PackingProtocol<D>::start() {
   std::vector<Real> centres;
   for (std::uint64_t k = 0; k < static_cast<std::uint64_t>(all.particles()) * D; ++k)
     centres.push_back(box.length()[k % D] * rng::uniform(seed, stream::placement, k));
-  // Outlines of polygons might cross where their disks overlap; droplets may overlap by less than a radius.
+  // Deformable particles might cross where their disks overlap; droplets may overlap by less than a radius.
   if (all.deformable()) push_disks_apart(all, box, 0.1, centres);
   if (p_.model.particles() == ModelKind::bubble) push_disks_apart(all, box, 0.5, centres);
   std::vector<Real> x(static_cast<std::size_t>(all.points()) * D);
-  for (Index m = 0; m < all.particles(); ++m)
-    place_particle(all, m, &centres[static_cast<std::size_t>(m) * D],
-                   2 * pi * rng::uniform(seed, stream::orientation, m), x.data());
+  place_at_random_angles(all, centres.data(), seed, x.data());
   return x;
 }
 
@@ -186,9 +185,10 @@ void PackingProtocol<D>::run_minimiser(const MinimiserOptions& options) {
 /// Measures the packing, and makes the lists as a restart makes them.
 template <int D>
 void PackingProtocol<D>::finish() {
-  check_outlines<D>(
-      this->particles(), x().data(), "at the minimum",
-      "begin with a lower fraction (-fraction) or pressure, or raise the stiffness of the particles' shape");
+  check_crossings<D>(this->particles(), x().data(), "at the minimum",
+                     {.contacts = "begin with a lower fraction (-fraction) or pressure",
+                      .shape = "raise the stiffness of the particles' shape",
+                      .self_crossing = ""});
   const Real attraction = p_.model.value(Role::attraction);
   check_overlaps<D>(
       this->particles(), x().data(),
@@ -249,18 +249,7 @@ Real PackingProtocol<D>::fraction() const {
 
 template <int D>
 Real PackingProtocol<D>::rim_fraction() const {
-  const Topology& t = this->topology();
-  Real rim = 0;
-  if constexpr (D == 2)
-    for (Index m = 0; m < t.owned(); ++m) {
-      if (t.points_of(m) == 1) continue;
-      const Real delta = t.diameter[t.offset[m]], disk = pi * square(delta) / 4;
-      if (p_.model.particles() == ModelKind::rough)
-        rim += (Real(t.points_of(m)) / 2 + 1) * disk;
-      else
-        rim += polygon_perimeter(this->state().x().data(), t, m) * delta / 2 + disk;
-    }
-  return fraction() + rim / this->particles().box().volume();
+  return pliant::rim_fraction(this->particles(), this->state().x().data(), p_.model.particles());
 }
 
 template <int D>

@@ -56,11 +56,9 @@ class PackingProtocol : public Protocol<D> {
   void minimise_enthalpy(Real pressure);
 
   const BoxStress<D>& stress() const { return minimum_.stress; }
-  /// Σ a0/V of soft particles, which counts overlaps twice; Σ of the present areas over V for polygons.
-  Real fraction() const;
+  Real fraction() const;  ///< packing_fraction()
 
  private:
-  /// Between the outer rims of vertices and edges of polygons.
   Real rim_fraction() const;
   void finish();
   void analyse();

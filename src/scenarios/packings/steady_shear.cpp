@@ -168,10 +168,11 @@ EnergyBudget SteadyShear<D>::budget(const Measured& now) {
 
 template <int D>
 std::vector<SeriesValue> SteadyShear<D>::sample() {
-  check_outlines<D>(
-      this->particles(), this->state().x().data(), "in the flow",
-      fmt::format("lower the rate (-shear_rate), or raise the contact energy ({}) or the stiffness of the shapes",
-                  p_.model.option(Role::contact_energy)));
+  check_crossings<D>(this->particles(), this->state().x().data(), "in the flow",
+                     {.contacts = "lower the rate (-shear_rate)",
+                      .shape = fmt::format("raise the contact energy ({}) or the stiffness of the shapes",
+                                           p_.model.option(Role::contact_energy)),
+                      .self_crossing = ""});
   const Measured now = measure();
   const EnergyBudget b = budget(now);
   const StateView<D> s = this->simulation().view();

@@ -2,10 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
+#include <memory>
 #include <vector>
 
 #include <pliant/base/cure.h>
 #include <pliant/base/errors.h>
+#include <pliant/geometry/mesh.h>
+#include <pliant/geometry/off_text.h>
 
 namespace pliant {
 
@@ -51,9 +55,29 @@ void bind_shape(Options& options, PolygonShape& shape) {
                 .on_restart = fixed});
 }
 
-void resolve_vertices(PolygonShape& shape, int dim) {
+void bind_mesh(Options& options, std::string& mesh) {
+  options.bind("mesh", mesh,
+               {.help = "3D: OFF or OBJ file with the shape of particles, instead of an icosphere",
+                .on_restart = OnRestart::fixed,
+                .read = [](const std::string& file, const std::filesystem::path& folder) {
+                  return off_text(read_mesh(path_from(folder, file)));
+                }});
+}
+
+void resolve_shape(PolygonShape& shape, const std::string& mesh, ModelKind particles, int dim) {
+  if (!mesh.empty()) {
+    shape.mesh = std::make_shared<TriangleMesh>(mesh_of_off(mesh, "-mesh"));
+    shape.vertices = static_cast<Index>(shape.mesh->vertices.size());
+  }
   if (shape.vertices == 0) shape.vertices = dim == 2 ? 16 : 42;
   if (shape.vertices < 3) throw InputError("-n_vertices {}: a particle needs at least 3 vertices", shape.vertices);
+  // sin²θ = 1 of two edges is 4 edge_width² then (Mollifier).
+  constexpr Real widest_edge_of_surface = 0.5;
+  if (dim == 3 && particles == ModelKind::smooth && shape.edge_width > widest_edge_of_surface)
+    throw InputError(
+        "-edge_width {} with -dim 3: contacts of edges that are wider than half their length count less at all angles; "
+        "use at most {}",
+        shape.edge_width, widest_edge_of_surface);
 }
 
 void check_regular_shape(const PolygonShape& shape) {

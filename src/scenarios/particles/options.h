@@ -14,10 +14,13 @@ namespace pliant {
 /// -size_distribution and the numbers that it reads.
 void bind_sizes(Options& options, SizeDistribution& sizes);
 /// -n_vertices, -shape_parameter and -edge_width. Where shape.vertices is 0, the default follows from the dimension:
-/// resolve_vertices.
+/// resolve_shape.
 void bind_shape(Options& options, PolygonShape& shape);
-/// Sets a number of vertices that is 0. Errors: InputError for fewer than 3 vertices.
-void resolve_vertices(PolygonShape& shape, int dim);
+/// -mesh; mesh: text of an OFF file.
+void bind_mesh(Options& options, std::string& mesh);
+/// Sets a number of vertices that is 0, and the mesh of which `mesh` is the text, if it is not empty. Errors:
+/// InputError for a shape that the particles of the model cannot have.
+void resolve_shape(PolygonShape& shape, const std::string& mesh, ModelKind particles, int dim);
 /// Errors: InputError if the shape parameter is below the shape parameter of the regular polygon.
 void check_regular_shape(const PolygonShape& shape);
 /// Errors: InputError for an option of shapes or sizes that neither the model nor the distribution of sizes reads.
