@@ -105,6 +105,12 @@ def test_restart_goes_on_with_the_same_bits(tmp_path):
     assert_same_runs(whole, Results(tmp_path / "part"))
 
 
+@pytest.mark.parametrize("model", MODELS)
+def test_contacts_that_give_way_end_the_run(model, tmp_path):
+    result = pliant("pack", output=tmp_path / "run", model=model, dim=3, n=6, n_vertices=12, e_c=1e-3, pressure=0.1, start_pressure=0.1)
+    assert result.returncode == 3 and "pierces face" in result.stderr and "raise -e_c, raise the stiffness" in result.stderr, result.stderr
+
+
 def test_a_loose_quench_has_only_rattlers_in_their_rest_shapes(tmp_path):
     s = pack(tmp_path / "run", model="smooth", path="quench", pressure=None, start_pressure=None, size_distribution="mono").summary
     assert s["rattlers"] == 6 and s["contacts"] == 0 and abs(s["pressure"]) < 1e-12 and s["energy"] < 1e-12

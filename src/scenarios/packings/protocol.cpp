@@ -186,7 +186,9 @@ void PackingProtocol<D>::run_minimiser(const MinimiserOptions& options) {
 template <int D>
 void PackingProtocol<D>::finish() {
   check_crossings<D>(this->particles(), x().data(), "at the minimum",
-                     {.contacts = "begin with a lower fraction (-fraction) or pressure",
+                     {.contacts = D == 2 ? "begin with a lower fraction (-fraction) or pressure"
+                                         : fmt::format("begin with a lower fraction (-fraction) or pressure, raise {}",
+                                                       p_.model.option(Role::contact_energy)),
                       .shape = "raise the stiffness of the particles' shape",
                       .self_crossing = ""});
   const Real attraction = p_.model.value(Role::attraction);
