@@ -317,5 +317,5 @@ def test_energy_budget(tmp_path):
         assert_array_equal(table["kinetic_energy"], truth["series"]["kinetic_energy"])
     with h5py.File(path / "run.h5", "r+") as file:
         del file["series/heat"], file["series/disk_contact_sliding"], file["series/kinetic_energy"]
-    with Run(path) as run, pytest.raises(RunError, match="no columns of energy; scenarios of hoppers and droplets write them"):
+    with Run(path) as run, pytest.raises(RunError, match="no columns of energy; repeat it"):
         analysis.energy_budget(run)

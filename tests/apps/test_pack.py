@@ -301,6 +301,108 @@ def test_work_of_shear(options, tmp_path):
     assert run["stress"][sheared, 1] == pytest.approx(stress)
 
 
+def lattice(box):
+    """[D, D] edges of the box of a frame, one per row."""
+    edges = np.diag(box[1])
+    rows, columns = np.tril_indices(len(edges), -1)
+    edges[rows, columns] = box[2, :len(rows)]
+    return edges
+
+
+def energy_of(centres, sigma, edges):
+    """Σ (1 − r/s)²/2 over all pairs that overlap, images included."""
+    dim = len(edges)
+    i, j = np.triu_indices(len(sigma), 1)
+    images = np.stack(np.meshgrid(*[np.arange(-2, 3)] * dim), -1).reshape(-1, dim) @ edges
+    r = np.linalg.norm((centres[i] - centres[j])[:, None] + images, axis=2)
+    return (np.maximum(0, 1 - r / ((sigma[i] + sigma[j]) / 2)[:, None])**2).sum() / 2
+
+
+@pytest.mark.parametrize("options", [{"strain": 0.03}, {"strain": 0.03, "control": "pressure"}, {"strain": 0.02, "cycles": 1},
+                                     {"strain": 0.02, "dim": 3}], ids=str)
+def test_energy_budget_of_shear(options, tmp_path):
+    """Each step moves box and centres by Δγ y along x; then a minimisation removes the energy above the next packing, at a
+    constant pressure the sum of energy and p V."""
+    run = shear(tmp_path / "run", strain_step=2e-3, **options)
+    s, sigma, p = run.series, run.topology["sigma"], 1e-2 if "control" in options else 0
+    assert len(run.frames) == len(s["time"])
+    for k, step in enumerate(np.diff(s["strain"])):
+        if k == 0:  # the first packing
+            continue
+        box, centres = run.frames[k]["box"], run.frames[k]["centres"]
+        edges, strained = lattice(box), np.eye(len(box[0]))  # strained: acts on rows
+        assert energy_of(centres, sigma, edges) == pytest.approx(s["energy"][k], rel=1e-9)
+        strained[1, 0] = step
+        affine = energy_of(box[0] + (centres - box[0]) @ strained, sigma, edges @ strained)
+        relaxed = affine - s["energy"][k + 1] - p * (s["volume"][k + 1] - s["volume"][k])
+        assert s["relaxed"][k + 1] - s["relaxed"][k] == pytest.approx(relaxed, rel=1e-6, abs=1e-13) and relaxed > 0
+    torque = s["volume"] * s["stress"][:, 1]
+    work = (torque[1:] + torque[:-1]) / 2 * np.diff(s["strain"]) - (s["pressure"][1:] + s["pressure"][:-1]) / 2 * np.diff(s["volume"])
+    assert np.diff(s["work"])[1:] == pytest.approx(work[1:], rel=1e-9, abs=1e-14)
+    assert s["work"] - s["dissipated"] == pytest.approx(s["energy"] - s["energy"][0], rel=1e-12)
+    assert run.summary["dissipated"] == s["dissipated"][-1] and run.summary["work"] == s["work"][-1]
+    assert run.summary["relaxed"] == s["relaxed"][-1]
+
+
+def test_first_packing_of_a_decompression(tmp_path):
+    """The first minimisation has no work; after it the box has a constant pressure."""
+    s = pack(tmp_path / "run", pressure=1e-3).series
+    assert s["work"][0] == s["dissipated"][0] == s["relaxed"][0] == 0
+    assert s["work"][1] == pytest.approx(-1e-2 * (s["volume"][1] - s["volume"][0]), rel=1e-4)
+    assert s["dissipated"][1] == pytest.approx(s["relaxed"][1], rel=1e-5) and s["relaxed"][1] > 1
+    still = pack(tmp_path / "still", path="quench", fraction=0.9).series
+    assert still["work"][1] == 0 and still["dissipated"][1] == still["relaxed"][1] == still["energy"][0] - still["energy"][1]
+
+
+@pytest.mark.parametrize("options", [{"path": "compress", "fraction": 0.8, "fraction_step": 2e-3, "pressure": 1e-2},
+                                     {"pressure": 1e-4, "steps_per_decade": 8}], ids=str)
+def test_energy_budget_of_changes_of_volume(options, tmp_path):
+    """Centres follow the box of a compression before the minimisation. The energy that packings lose is the work less the
+    change of the energy. Minimisations remove at least this energy."""
+    run = pack(tmp_path / "run", **options)
+    s, sigma, compresses = run.series, run.topology["sigma"], "path" in options
+    for k in range(1, len(run.frames) - 1):
+        before, after = run.frames[k]["box"], run.frames[k + 1]["box"]
+        factor = (after[1] / before[1])[0]
+        constant = not compresses or k == len(run.frames) - 2  # the last step of a compression has a constant pressure
+        affine = before[0] + (run.frames[k]["centres"] - before[0]) * (1 if constant else factor)
+        edges = lattice(before if constant else after)
+        relaxed = energy_of(affine, sigma, edges) - s["energy"][k + 1]
+        if constant:
+            relaxed -= s["pressure"][k + 1] * (s["volume"][k + 1] - s["volume"][k])
+        assert s["relaxed"][k + 1] - s["relaxed"][k] == pytest.approx(relaxed, rel=1e-4, abs=1e-12) and relaxed > -1e-15
+    work = -(s["pressure"][1:] + s["pressure"][:-1]) / 2 * np.diff(s["volume"])
+    assert np.diff(s["work"])[1:] == pytest.approx(work[1:], rel=1e-9)
+    assert s["work"] - s["dissipated"] == pytest.approx(s["energy"] - s["energy"][0], rel=1e-12)
+    assert (np.diff(s["dissipated"]) <= np.diff(s["relaxed"]) * (1 + 1e-9)).all()
+
+
+def test_dissipation_does_not_depend_on_the_strain_step(tmp_path):
+    """Rearrangements dissipate the same energy in steps of any size, up to the error of the trapezoidal rule: in a step below V Δσ Δγ
+    with the largest Δσ of all steps. With shorter steps the energy that minimisations remove decreases to the same value."""
+    coarse, fine = (shear(tmp_path / str(step), n=64, strain=0.2, strain_step=step).series for step in (1e-3, 2e-4))
+    lost = [s["dissipated"][-1] - s["dissipated"][1] for s in (coarse, fine)]
+    relaxed = [s["relaxed"][-1] - s["relaxed"][1] for s in (coarse, fine)]
+    assert coarse["energy"][-1] == pytest.approx(fine["energy"][-1], rel=1e-6)  # the same packing
+    assert lost[0] == pytest.approx(lost[1], rel=0.03) and lost[1] > 2e-3
+    assert relaxed[0] > 1.5 * lost[0] and lost[1] < relaxed[1] < 1.2 * lost[1]
+    for s in (coarse, fine):
+        error = s["volume"][1:-1] * np.abs(np.diff(s["shear_stress"][1:]) * np.diff(s["strain"][1:]))
+        assert np.diff(s["dissipated"][1:]).min() > -error.max()
+        assert (np.diff(s["relaxed"]) > 0).all()
+
+
+def test_a_small_cycle_of_shear_dissipates_nothing(tmp_path):
+    """In a strain of 4e-5 no contact changes: the work of a cycle returns, and its error falls with the square of the step."""
+    errors = []
+    for step in (2e-5, 1e-5):
+        s = shear(tmp_path / str(step), strain=4e-5, strain_step=step, cycles=1).series
+        lost = s["dissipated"][1:] - s["dissipated"][1]
+        assert s["energy"][-1] == pytest.approx(s["energy"][1], rel=1e-9)
+        errors.append(np.abs(lost).max() / np.ptp(s["work"][1:]))
+    assert errors[0] < 1e-6, errors
+
+
 def test_modulus_from_small_strains_is_that_of_linear_response(tmp_path):
     """Stress against strain over a window of 4e-6, in which no contact changes."""
     run = shear(tmp_path / "run", strain=4e-6, strain_step=2e-6, moduli="yes").series

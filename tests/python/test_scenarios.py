@@ -53,6 +53,19 @@ def test_every_scenario(name, options, tmp_path, program):
         pytest.fail(f"{name} {options} is no run: {done.stderr}")
 
 
+def test_energy_budget_of_packings(tmp_path):
+    """Columns of packings with units, in the series and in the table of the analysis; the rate is per packing."""
+    run = pliant.shear(n=16, strain=0.01, strain_step=2e-3, output=tmp_path / "run", quiet=True)
+    table = analysis.energy_budget(run)
+    assert list(table) == ["time", "energy", "work", "dissipated", "relaxed", "dissipation_rate"]
+    np.testing.assert_allclose(table["work"] - table["dissipated"], table["energy"] - table["energy"][0], rtol=1e-9)
+    middle = len(table) // 2
+    assert table["dissipation_rate"][middle] == (table["dissipated"][middle + 1] - table["dissipated"][middle - 1]) / 2
+    for name in ("work", "dissipated", "relaxed"):
+        units, description = run.describe(f"series/{name}")
+        assert units == "eps" and "since the start" in description
+
+
 def test_figure_of_a_vibrated_container(tmp_path):
     run = pliant.vibrate(n=8, box_width=4, cycles=3, output=tmp_path / "run", quiet=True)
     done = subprocess.run([sys.executable, ROOT / "python/plots/series.py", run.path, "-o", tmp_path / "series.png"],

@@ -69,6 +69,7 @@ std::unique_ptr<Integrator> PackingProtocol<D>::make_integrator(Real) {
     const std::vector<Image> images = s.images;
     const Box<D> box = this->particles().box();
     const Minimum<D> minimum = minimum_;
+    const Energies energies = energies_;
     try {
       make_next();
     } catch (const Interrupted&) {
@@ -77,10 +78,12 @@ std::unique_ptr<Integrator> PackingProtocol<D>::make_integrator(Real) {
       this->particles().set_box(box);
       this->particles().rebuild(places.data());
       minimum_ = minimum;
+      energies_ = energies;
       evaluations_ = evaluations;
       undo();
       return {};
     }
+    add_work(box, minimum);
     return evaluations_ - evaluations;
   });
 }
@@ -113,6 +116,23 @@ void PackingProtocol<D>::deform(const Mat<D>& f) {
 }
 
 template <int D>
+Real PackingProtocol<D>::energy_now() {
+  return this->particles().field().energy(this->particles().view(x().data(), nullptr));
+}
+
+/// The work V ∫ σ_xy dγ − ∫ p dV between two packings, by the trapezoidal rule. The step from the random start has the
+/// pressure at its end: until the first minimum the box is at rest, after it the pressure is constant.
+template <int D>
+void PackingProtocol<D>::add_work(const Box<D>& box_before, const Minimum<D>& before) {
+  const Box<D>& box = this->particles().box();
+  const auto shear = [](const Box<D>& b) { return b.tilt()[0] / b.length()[1]; };
+  const auto torque = [](const Box<D>& b, const Minimum<D>& m) { return b.volume() * m.stress.stress(0, 1); };
+  const Real after = minimum_.stress.pressure(), first = this->state().step > 0 ? before.stress.pressure() : after;
+  energies_.work += (torque(box_before, before) + torque(box, minimum_)) / 2 * (shear(box) - shear(box_before)) -
+                    (first + after) / 2 * (box.volume() - box_before.volume());
+}
+
+template <int D>
 MinimiserOptions PackingProtocol<D>::minimiser() {
   MinimiserOptions options;
   options.max_iterations = p_.max_iterations;
@@ -137,12 +157,14 @@ void PackingProtocol<D>::minimise_energy() {
   // The pressure, which the tolerance refers to, is the result.
   constexpr Real first = 1e-6, least = 1e-14;
   MinimiserOptions options = minimiser();
+  const Real before = energy_now();
   for (options.force_tolerance = tolerance(first);;) {
     run_minimiser(options);
     const Real needed = tolerance(minimum_.stress.pressure());
     if (minimum_.apart || !(minimum_.max_force > needed) || needed < least) break;
     options.force_tolerance = needed;
   }
+  energies_.relaxed += before - minimum_.energy;
   finish();
 }
 
@@ -151,7 +173,9 @@ void PackingProtocol<D>::minimise_enthalpy(Real pressure) {
   MinimiserOptions options = minimiser();
   options.pressure = pressure;
   options.force_tolerance = tolerance(pressure);
+  const Real before = energy_now(), volume = this->particles().box().volume();
   run_minimiser(options);
+  energies_.relaxed += before - minimum_.energy + pressure * (volume - this->particles().box().volume());
   finish();
 }
 
@@ -218,6 +242,7 @@ void PackingProtocol<D>::ready() {
   analyse();
   minimum_ = measure_at<D>(this->particles(), x());
   minimum_.iterations = iterations;
+  if (this->state().step == 0) energies_.start = minimum_.energy;
 }
 
 template <int D>
@@ -262,6 +287,9 @@ std::vector<SeriesValue> PackingProtocol<D>::sample() {
                                {"pressure", minimum_.stress.pressure()},
                                {"stress", upper_triangle<D>(minimum_.stress.stress)},
                                {"energy", minimum_.energy},
+                               {"work", energies_.work},
+                               {"dissipated", dissipated()},
+                               {"relaxed", energies_.relaxed},
                                {"max_force", minimum_.max_force},
                                {"iterations", static_cast<Real>(minimum_.iterations)},
                                {"volume", this->particles().box().volume()},
@@ -297,6 +325,9 @@ void PackingProtocol<D>::visit(Archive& a) {
   a.array("box_tilt", tilt, tilts<D>);
   a.number("minimisations", evaluations_);
   a.newer("iterations", minimum_.iterations);
+  a.number("start_energy", energies_.start);
+  a.number("work_of_box", energies_.work);
+  a.number("relaxed_energy", energies_.relaxed);
   if (a.reads()) {
     Tilt<D> tilts_of_box;
     std::copy(tilt.begin(), tilt.end(), tilts_of_box.begin());
@@ -312,6 +343,9 @@ void PackingProtocol<D>::conclude(nlohmann::ordered_json& s) {
   s["pressure"] = minimum_.stress.pressure();
   s["stress"] = upper_triangle<D>(minimum_.stress.stress);
   s["energy"] = minimum_.energy;
+  s["work"] = energies_.work;
+  s["dissipated"] = dissipated();
+  s["relaxed"] = energies_.relaxed;
   s["max_force"] = minimum_.max_force;
   s["contacts"] = network_.contacts;
   if (!p_.model.deformable()) s["isostatic_contacts"] = network_.isostatic();

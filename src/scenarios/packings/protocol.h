@@ -71,8 +71,20 @@ class PackingProtocol : public Protocol<D> {
   bool derivatives() const { return p_.moduli || p_.modes > 0; }
   std::span<Real> x() { return this->state().x(); }
 
+  /// Since the start, in ε.
+  struct Energies {
+    Real start = 0;    ///< U of the particles at random places
+    Real work = 0;     ///< work of the box on the particles
+    Real relaxed = 0;  ///< removed by minimisations, of U or of U + p V
+  };
+  Real energy_now();
+  void add_work(const Box<D>& box_before, const Minimum<D>& before);
+  /// The work less the change of U: energy that the particles have lost.
+  Real dissipated() const { return energies_.work - (minimum_.energy - energies_.start); }
+
   const PackingOptions& p_;
   Minimum<D> minimum_;
+  Energies energies_;
   ContactNetwork<D> network_;
   Moduli<D> moduli_;
   std::vector<Real> frequencies_, participation_;  ///< [modes]
