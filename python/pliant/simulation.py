@@ -1070,7 +1070,7 @@ class Simulation(_Fixed):
         elif np.any(np.diff(self.offsets) > 1):
             areas = [_area(polygon) for polygon in self.polygons]
         return Particles(self.centres, radii=topology["sigma"] / 2, velocities=self.centre_velocities, masses=self.masses,
-                         volumes=areas, box=None if box is None else np.array([box.origin, box.lengths]), time=self.t,
+                         volumes=areas, box=None if box is None else np.array([box.origin, box.lengths]), ids=self.ids, time=self.t,
                          **contact_arrays(self.contacts, self._dim))
 
     def draw(self, color: str = "speed", axes: Any = None) -> Any:

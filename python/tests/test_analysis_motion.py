@@ -10,6 +10,7 @@ from synthetic import write_run
 
 from pliant import Run, analysis
 from pliant.analysis import Particles
+from pliant.run import lattice
 
 
 def test_msd_of_uniform_motion_and_of_a_walk():
@@ -78,7 +79,11 @@ def test_msd_across_a_periodic_border(tmp_path):
     (lambda: analysis.mean_squared_displacement(np.zeros((3, 2))), "give [frames, N, 2]"),
     (lambda: analysis.mean_squared_displacement(np.zeros((3, 2, 2)), lags=[3]), "give numbers of frames from 1 to 2"),
     (lambda: analysis.mean_squared_displacement(np.zeros((3, 2, 2)), times=[1, 2]), "give [3] and [3, 2]"),
-    (lambda: analysis.displacements(np.zeros((3, 2)), np.zeros((4, 2))), "the same particles in the same order")])
+    (lambda: analysis.displacements(np.zeros((3, 2)), np.zeros((4, 2))), "the same particles in the same order"),
+    (lambda: analysis.d2_min(Particles(np.zeros((3, 2)), box=[9, 9]), np.zeros((3, 2))), "open in the same directions"),
+    (lambda: analysis.d2_min(Particles(np.zeros((3, 2)), box=[9, 9]), Particles(np.zeros((3, 2)), box=[9, np.inf])), "in the same directions"),
+    (lambda: Particles(np.zeros((3, 2)), ids=[1, 2, 1]), "the id 1 occurs 2 times"),
+    (lambda: Particles(np.zeros((3, 2)), ids=[1, 2]), "ids has the shape [2]")])
 def test_bad_input(call, message):
     with pytest.raises(ValueError, match=re.escape(message)):
         call()
@@ -141,6 +146,96 @@ def test_one_particle_that_moves_alone():
     assert_allclose(na[24], [0, 0.3 * (1 - 1 / total)])
     assert_allclose(na[24, 1] - 0.3, -0.3 / total)
     assert weight[0] > weight[1] and na[0, 1] <= 0
+
+
+CHANGES = [([4.0, 4.3], None, [4.4, 4.73], None), ([4.0, 4.3], None, [4.0, 4.3], [0.9]), ([4.0, 5.0], [0.4], [4.2, 5.25], [1.3]),
+           ([3.0, 3.0, 3.0], None, [2.7, 2.7, 2.7], None), ([3.0, 3.5, 3.0], [0.3, 0.2, 0.1], [3.0, 3.5, 3.0], [0.9, 0.2, 0.1]),
+           ([4.0, np.inf], None, [4.8, np.inf], None)]
+
+
+@pytest.mark.parametrize("count", [1, 4, 30])
+@pytest.mark.parametrize("length, tilt, other_length, other_tilt", CHANGES)
+def test_particles_that_follow_a_box_have_no_non_affine_motion(count, length, tilt, other_length, other_tilt):
+    """At random places, which are uneven, with a width of the mean that reaches over several images of the box."""
+    edges, others = lattice(length, tilt), lattice(other_length, other_tilt)
+    dim, is_open = len(edges), np.diag(edges) == 0
+    strain = np.linalg.solve(edges + np.diag(is_open), others + np.diag(is_open))
+    places = np.random.default_rng(3).uniform(0, 3, (count, dim))
+    before, after = Particles(places, box=length, tilt=tilt), Particles(places @ strain, box=other_length, tilt=other_tilt)
+    assert_allclose(analysis.non_affine_displacements(before, after, 1.5), 0, atol=1e-12)
+    value, number = analysis.d2_min(before, after)
+    assert_allclose(value, 0, atol=1e-18)
+    assert (number == 15).all()
+    if count > 1 or not is_open.any():  # images of one particle are on a line
+        assert_allclose(analysis.deformation(before, after), np.broadcast_to(strain.T, (count, dim, dim)), atol=1e-9)
+
+
+@pytest.mark.parametrize("length, tilt, other_length, other_tilt", CHANGES)
+def test_non_affine_motion_in_a_box_that_changes(length, tilt, other_length, other_tilt):
+    """Against sums over all images, of particles that move by themselves in addition to their box."""
+    edges, others = lattice(length, tilt), lattice(other_length, other_tilt)
+    dim, is_open = len(edges), np.diag(edges) == 0
+    strain = np.linalg.solve(edges + np.diag(is_open), others + np.diag(is_open))
+    rng = np.random.default_rng(8)
+    places = rng.uniform(0, 3, (5, dim))
+    own = rng.normal(0, 0.1, (5, dim))
+    before, after = Particles(places, box=length, tilt=tilt), Particles(places @ strain + own, box=other_length, tilt=other_tilt)
+    width = 0.8
+    images = np.unique(np.stack(np.meshgrid(*[np.arange(-5, 6)] * dim), -1).reshape(-1, dim) @ edges, axis=0)
+    least, _ = analysis.d2_min(before, after)
+    found = analysis.non_affine_displacements(before, after, width)
+    for i in range(5):
+        old = (places[None] - places[i] + images[:, None]).reshape(-1, dim)
+        of = np.tile(np.arange(5), len(images))
+        r = np.linalg.norm(old, axis=1)
+        weight = np.exp(-r**2 / (2 * width**2)) * (r <= 4 * width)
+        assert_allclose(found[i], own[i] - weight @ own[of] / weight.sum(), atol=1e-12)
+        near = np.argsort(r)[1:16]
+        new = old[near] @ strain + own[of[near]] - own[i]
+        fit = np.linalg.lstsq(old[near], new, rcond=None)[0]
+        assert_allclose(least[i], ((new - old[near] @ fit) ** 2).sum(), rtol=1e-9)
+
+
+def test_few_particles_in_an_open_box():
+    """All others are neighbours; with none, or too few, there is no value. Those that have left count nowhere."""
+    place = np.random.default_rng(1).uniform(0, 5, (20, 2))
+    strained = place @ [[1.1, 0.2], [0.0, 0.9]]
+    for count in (20, 9, 4, 3, 1, 0):
+        after = Particles(strained, active=np.arange(20) < count)
+        value, number = analysis.d2_min(place, after)
+        assert_array_equal(number[:count], min(15, max(count - 1, 0)))
+        assert_array_equal(np.isfinite(value), np.arange(20) < (count if count > 3 else 0))
+        assert_allclose(value[np.isfinite(value)], 0, atol=1e-18)
+        assert np.isfinite(analysis.non_affine_displacements(place, after, 1.0)[:count]).all()
+
+
+def test_particles_are_matched_by_their_ids():
+    """Other rows, others that have left (NaN) and others that are new; results are in the rows of the first moment."""
+    rng = np.random.default_rng(2)
+    place = rng.uniform(0, 9, (40, 2))
+    moved = place + rng.normal(0, 0.1, (40, 2))
+    rows = rng.permutation(40)
+    left = rows[:3]
+    stays = np.setdiff1d(np.arange(40), left)
+    before = Particles(place, ids=np.arange(40) + 100, box=[9, 9])
+    after = Particles(np.r_[moved[rows[3:]], [[4, 4]]] % 9, ids=np.r_[rows[3:] + 100, 500], box=[9, 9])
+    found = analysis.displacements(before, after)
+    assert np.isnan(found[left]).all()
+    assert_allclose(found[stays], (moved - place)[stays], atol=1e-12)
+    plain = Particles(place, box=[9, 9]), Particles(moved % 9, box=[9, 9], active=np.isin(np.arange(40), stays))
+    for function in (lambda a, b: analysis.d2_min(a, b)[0], lambda a, b: analysis.non_affine_displacements(a, b, 1.0), analysis.deformation):
+        assert_array_equal(function(before, after), function(*plain))
+        assert np.isnan(function(before, after)[left]).all()
+    msd = analysis.mean_squared_displacement([before, after])
+    assert_allclose(msd["msd"], ((moved - place)[stays] ** 2).sum(1).mean())
+    assert msd["samples"][0] == 37
+
+
+def test_frames_of_different_particles_are_refused(tmp_path):
+    with Run(write_run(tmp_path / "a", n=20)[0]) as a, Run(write_run(tmp_path / "b", n=21)[0]) as b:
+        for function in (analysis.displacements, analysis.d2_min, analysis.deformation):
+            with pytest.raises(ValueError, match="a has 20 particles and .*b 21, of other sizes; give two frames of the same run"):
+                function(a.frames[0], b.frames[1])
 
 
 def test_motion_in_a_run_leaves_reinserted_particles_out(tmp_path):

@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 from pliant import analysis
+from pliant.analysis.neighbours import close_pairs
 from pliant.analysis.particles import Particles
 from pliant.run import lattice, nearest_image
 
@@ -55,7 +56,32 @@ def test_neighbours(length, tilt):
     if closest.max() <= part.half_lattice:
         assert np.linalg.norm(analysis.nearest(part, 1).vectors, axis=1) == pytest.approx(closest)
     with pytest.raises(ValueError, match="one image"):
-        analysis.within(part, 1.01 * part.half_lattice)
+        close_pairs(part, 1.01 * part.half_lattice)
+
+
+@pytest.mark.parametrize("length, tilt", [*BOXES, ([3.0, 4.0], None), ([3.0, np.inf], None), ([2.0, np.inf, 3.0], None)])
+def test_neighbours_beyond_half_the_box(length, tilt):
+    """Several images of a particle are neighbours, of the particle itself too."""
+    length, dim = np.array(length), len(length)
+    edges = np.unique(images(lattice(length, tilt)), axis=0)  # zero in open directions
+    rng = np.random.default_rng(6)
+    places = rng.uniform(-1, 1, (9, dim)) * np.where(np.isfinite(length), length, 3)
+    part = Particles(places, box=length, tilt=tilt, active=np.arange(9) != 4)
+    every = places[None, :, None] - places[:, None, None] + edges
+    norms = np.linalg.norm(every, axis=3)
+    norms[4], norms[:, 4] = np.inf, np.inf
+    norms[norms == 0] = np.inf
+    distance = 1.8 * part.half_lattice
+    near = analysis.within(part, distance)
+    first, second, _ = np.nonzero(norms <= distance)
+    assert len(first) >= 30 and np.array_equal(near.first, first) and np.array_equal(near.second, second)
+    shifts = near.vectors - (places[near.second] - places[near.first])
+    assert (np.linalg.norm(shifts[:, None] - edges, axis=2).min(1) < 1e-12).all()
+    for i in range(9):
+        assert np.sort(np.linalg.norm(near.vectors[near.first == i], axis=1)) == pytest.approx(np.sort(norms[i][norms[i] <= distance]))
+    closest = analysis.nearest(part, 14)
+    sizes = np.linalg.norm(closest.vectors, axis=1).reshape(8, 14)
+    assert sizes == pytest.approx(np.sort(norms[np.arange(9) != 4].reshape(8, -1), 1)[:, :14])
 
 
 def test_an_affine_shear_leaves_no_d2_min():

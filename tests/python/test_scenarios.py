@@ -387,6 +387,50 @@ def test_a_default_may_be_repeated(tmp_path):
         pliant.channel(**options, distribution="T1", output=tmp_path / "other")
 
 
+@pytest.mark.parametrize("name, options", [
+    ("raft", {"rows": 2, "columns": 3, "v_wall": 1e-3, "t_end": 20, "frame_interval": 10}),
+    ("clog", {"n": 14, "g": 0.1, "hopper_width": 1.25, "phi_c": 3e-4, "t_end": 10, "frame_interval": 5}),
+    ("vibrate", {"n": 8, "box_width": 4, "cycles": 1, "frames_per_cycle": 2}),
+    ("vibrate", {"n": 12, "dim": 3, "box_width": 3, "cycles": 1, "frames_per_cycle": 2}),
+    ("pack", {"n": 8}),
+    ("pack", {"n": 12, "dim": 3}),
+    ("pack", {"n": 5, "model": "rough", "n_vertices": 8, "pressure": 1e-2, "start_pressure": 1e-1}),
+    ("pack", {"n": 16, "path": "compress", "fraction": 0.8, "fraction_step": 5e-3, "pressure": 1e-2}),
+    ("shear", {"n": 16, "strain": 0.1, "strain_step": 0.02}),
+    ("shear", {"n": 16, "strain": 0.1, "strain_step": 0.02, "control": "pressure", "pressure": 1e-3}),
+    ("shear", {"n": 16, "path": "quench", "fraction": 0.9, "shear_rate": 0.05, "strain": 0.2, "frame_interval": 2}),
+    ("channel", {"channel_width": 6, "channel_arm": 12, "stroke": 3, "distribution": "bidisperse", "area_fraction": 0.5,
+                 "t_end": 0.2, "frame_travel": 0.05}),
+    ("hopper", {"n": 12, "hopper_wall_distance": 8, "hopper_width": 3, "t_end": 4, "frame_interval": 0.5}),
+    ("hopper", {"n": 12, "hopper_wall_distance": 8, "hopper_width": 3, "t_end": 9, "frame_interval": 1, "flow": "discharge"}),
+], ids=lambda value: value if isinstance(value, str) else "")
+def test_non_affine_motion_in_every_scenario(name, options, tmp_path):
+    """Small runs: neighbours beyond half the box, boxes that change, fewer than 15 particles, particles that are reinserted or
+    leave. The mean motion is that of a sum over all images."""
+    run = getattr(pliant, name)(**options, output=tmp_path / "run", quiet=True)
+    before, after = run.frames[-2], run.frames[-1]
+    moved = after.displacements(before)
+    there = np.isfinite(moved).all(1)
+    least, number = analysis.d2_min(before, after)
+    assert (number[~there] == 0).all() and np.isnan(least[~there]).all()
+    assert np.array_equal(np.isfinite(least), there & (number > run.dim))
+    found, width = analysis.non_affine_displacements(before, after, 1.0), 1.0
+    assert np.array_equal(np.isfinite(found).all(1), there)
+    images, shifts = np.zeros((1, run.dim)), np.zeros((1, run.dim))
+    strain = np.eye(run.dim)
+    if before.box is not None:
+        n = np.stack(np.meshgrid(*[np.arange(-9, 10)] * run.dim), -1).reshape(-1, run.dim)
+        edges, others = before.followed_lattice, after.followed_lattice
+        images, shifts, strain = n @ edges, n @ (others - edges), np.linalg.solve(edges, others)
+    place = before.unwrapped_centres
+    for i in np.flatnonzero(there):
+        apart = place[there][None] - place[i] + images[:, None]
+        change = moved[there][None] - moved[i] + shifts[:, None] - apart @ (strain - np.eye(run.dim))
+        r = np.linalg.norm(apart, axis=2)
+        weight = np.exp(-r**2 / (2 * width**2)) * (r <= 4 * width)
+        np.testing.assert_allclose(found[i], -np.einsum("kj,kjd->d", weight, change) / weight.sum(), atol=1e-10)
+
+
 def test_motion_between_frames_of_a_sheared_box(tmp_path):
     """D²_min from frames before and after the lattice was described by another edge, against positions that nothing has
     wrapped; displacements are those of the velocities."""

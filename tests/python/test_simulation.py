@@ -228,6 +228,23 @@ def test_particles_of_a_simulation():
     assert polygon.particles().bodies == pytest.approx([3.0 * 0.25]) and polygon.particles().positions[0] == pytest.approx([3, 2])
 
 
+def test_motion_between_moments_of_a_simulation():
+    """Particles are matched by their ids: those that were removed have no displacement, those that were added do not count."""
+    x = cloud(30, spacing=2)
+    v = np.random.default_rng(3).normal(size=x.shape)
+    sim = Simulation(x, 0.5, velocities=v, dt=0.01, e_w=1, e_sp=1)
+    before = sim.particles()
+    sim.remove([3, 7])
+    sim.add([[-3, -3]], 0.5)
+    sim.run(0.1)
+    moved = pliant.analysis.displacements(before, sim)
+    stays = np.setdiff1d(np.arange(30), [3, 7])
+    assert np.isnan(moved[[3, 7]]).all() and moved[stays] == pytest.approx(0.1 * v[stays])
+    value, number = pliant.analysis.d2_min(before, sim)
+    expected = pliant.analysis.d2_min(x[stays], x[stays] + 0.1 * v[stays])
+    assert np.isnan(value[[3, 7]]).all() and value[stays] == pytest.approx(expected[0]) and (number[stays] == 15).all()
+
+
 def test_hessian_for_petsc():
     """The test starts a separate process, because petsc4py and the engine share PETSc until the process ends."""
     pytest.importorskip("petsc4py")

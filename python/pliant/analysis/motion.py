@@ -5,7 +5,7 @@ import pandas as pd
 
 from .. import nonaffine
 from ..run import Frame
-from .neighbours import nearest, within
+from .neighbours import Neighbours, nearest, within
 from .particles import Particles
 from .sources import several
 
@@ -20,6 +20,9 @@ def _tracks(source):
     if len(frames) < 2:
         raise ValueError(f"{len(frames)} frames have no displacements; write frames more often (-frame_interval)")
     if isinstance(frames[0], Particles):
+        if all(f.ids is not None for f in frames):
+            ids = np.unique(np.concatenate([f.ids for f in frames]))
+            frames = [f.in_order(ids) for f in frames]
         moved = np.array([displacements(a, b) for a, b in zip(frames, frames[1:])])
         places = np.concatenate([np.zeros((1, *moved.shape[1:])), np.nancumsum(moved, axis=0)])
         # A particle that was absent has an unknown displacement from then on, as one that was reinserted.
@@ -81,27 +84,44 @@ def mean_squared_displacement(source, times=None, reinsertions=None, lags=None, 
     return pd.DataFrame(rows)
 
 
-def displacements(before, after, box=None):
-    """[N, D] displacements between two frames of a run, or two arrays [N, D] or Particles; NaN for particles that are absent in
-    one of them, or were reinserted in between. Arrays and Particles in a periodic box: less than half of it, relative to the
-    strain of the box from one to the other."""
+def _same_particles(before, after, box):
+    """Two Frames, or two Particles with the same particles in the same rows, those of `before`. ValueError for others."""
     if isinstance(before, Frame) and isinstance(after, Frame):
-        return after.displacements(before)
+        one, other = before.run.topology.sigma, after.run.topology.sigma
+        if not np.array_equal(one, other):
+            raise ValueError(f"{before.run.path} has {len(one)} particles and {after.run.path} {len(other)}, of other sizes; give two "
+                             "frames of the same run")
+        return before, after
     before, after = (Particles.of(one, box=box) for one in (before, after))
+    if before.dim == after.dim and not np.array_equal(np.isfinite(before.period), np.isfinite(after.period)):
+        raise ValueError(f"the periods are {before.period.tolist()} before and {after.period.tolist()} after, inf in open directions; "
+                         "give both moments a box that is open in the same directions")
+    if before.dim == after.dim and before.ids is not None and after.ids is not None:
+        return before, after.in_order(before.ids)
     if before.positions.shape != after.positions.shape:
         raise ValueError(f"the positions have the shapes {list(before.positions.shape)} and {list(after.positions.shape)}; give "
-                         "the same particles in the same order")
-    strained = _strained(before, before.lattice, after.lattice)
+                         "the same particles in the same order, or Particles(positions, ids=…)")
+    return before, after
+
+
+def displacements(before, after, box=None):
+    """[N, D] displacements between two frames of a run, or two arrays [N, D] or Particles; NaN for particles that are absent in
+    one of them, or were reinserted in between. Rows are those of `before`; Particles with ids may have other particles, too.
+    Arrays and Particles in a periodic box: less than half of it, relative to the strain of the box from one to the other."""
+    before, after = _same_particles(before, after, box)
+    if isinstance(before, Frame):
+        return after.displacements(before)
+    strained = before.positions
+    if not np.array_equal(before.lattice, after.lattice):
+        origin = before.box[0]
+        strained = origin + (strained - origin) @ _strain_of_box(before.lattice, after.lattice)
     moved = strained + after.nearest_image(after.positions - strained) - before.positions
     return np.where((before.active & after.active)[:, None], moved, np.nan)
 
 
-def _strained(particles, before, after):
-    """[N, D] positions that have followed the box about its origin, from one lattice [D, D] to another."""
-    if particles.box is None or np.array_equal(before, after):
-        return particles.positions
-    origin = particles.box[0]
-    return origin + np.linalg.solve(before.T, (particles.positions - origin).T).T @ after
+def _strain_of_box(before, after):
+    """[D, D] matrix M of the motion r → r M of vectors that follow the box from one lattice [D, D] to another; 1 in open directions."""
+    return np.linalg.solve(*(edges + np.diag(np.diag(edges) == 0) for edges in (before, after)))
 
 
 def _lattices(before, after, box):
@@ -123,17 +143,28 @@ def _changes(before, after, neighbours, moved, box):
         return change
     place = before.unwrapped_centres if isinstance(before, Frame) else Particles.of(before, box=box).positions
     apart = neighbours.vectors - (place[neighbours.second] - place[neighbours.first])
-    return change + np.round(np.linalg.solve(lattices[0].T, apart.T).T) @ (lattices[1] - lattices[0])
+    edges = lattices[0] + np.diag(np.diag(lattices[0]) == 0)  # open directions
+    return change + np.round(np.linalg.solve(edges.T, apart.T).T) @ (lattices[1] - lattices[0])
 
 
 def _bundles(before, after, neighbours, box):
     """(Neighbours, [M, D] vectors before, [M, D] after, [M] bool: both particles were there and not reinserted)."""
     moved = displacements(before, after, box)
     if neighbours is None:
-        neighbours = nearest(_present(before, moved, box), 15)
+        neighbours = _usual_neighbours(_present(before, moved, box))
     change = _changes(before, after, neighbours, moved, box)
     known = np.isfinite(change).all(1)
     return neighbours, neighbours.vectors, neighbours.vectors + np.where(known[:, None], change, 0.0), known
+
+
+def _usual_neighbours(particles):
+    """The 15 nearest; all others in an open box with fewer."""
+    others = int(particles.active.sum()) - 1
+    count = 15 if np.isfinite(particles.half_lattice) and others >= 0 else min(15, others)
+    if count < 1:
+        none = np.zeros(0, int)
+        return Neighbours(particles.count, none, none, np.zeros((0, particles.dim)), np.zeros(0))
+    return nearest(particles, count)
 
 
 def _present(before, moved, box):
@@ -149,8 +180,8 @@ def d2_min(before, after, neighbours=None, box=None):
     square of the run's length; divide by the number of neighbours for the mean.
 
     before, after: as of `displacements`. `neighbours`: Neighbours in `before` (`within`, `nearest`, …); default the 15 nearest of
-    the particles that are in both. Reinserted or absent particles neither have a value nor count. NaN with fewer than
-    three neighbours (3D: four)."""
+    the particles that are in both, in a small periodic box images included, in an open box all others if they are fewer.
+    Reinserted or absent particles neither have a value nor count. NaN with fewer than three neighbours (3D: four)."""
     neighbours, old, new, known = _bundles(before, after, neighbours, box)
     _, row, used = neighbours.padded()
     if not row.size:
@@ -183,12 +214,16 @@ def strain(gradient):
 
 def non_affine_displacements(before, after, width, box=None):
     """[N, D] displacement less its mean around the particle: weights exp(-r²/(2 width²)) of the particles up to 4 widths away,
-    itself included. NaN for particles without a displacement. The mean of a homogeneous strain is exact only where the
-    neighbours are even on all sides; D²_min is free of strain at borders, too."""
+    itself included. NaN for particles without a displacement. The strain of a periodic box that changes is subtracted exactly. The
+    mean of another homogeneous strain is exact only where the neighbours are even on all sides; D²_min is free of strain at borders, too."""
     moved = displacements(before, after, box)
     there = np.isfinite(moved).all(1)
     near = within(_present(before, moved, box), 4 * width)
     weight = np.exp(-(near.vectors**2).sum(1) / (2 * width**2))
     filled = np.where(there[:, None], moved, 0.0)
-    mean = near.sums(weight[:, None] * _changes(before, after, near, filled, box)) / (1 + near.sums(weight))[:, None]
+    change = _changes(before, after, near, filled, box)
+    lattices = _lattices(before, after, box)
+    if lattices is not None and not np.array_equal(*lattices):
+        change = change - near.vectors @ (_strain_of_box(*lattices) - np.eye(near.vectors.shape[1]))
+    mean = near.sums(weight[:, None] * change) / (1 + near.sums(weight))[:, None]
     return np.where(there[:, None], -mean, np.nan)

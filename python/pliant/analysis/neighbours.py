@@ -25,7 +25,7 @@ class Neighbours:
     count: int            #: N
     first: np.ndarray     #: [M]
     second: np.ndarray    #: [M]
-    vectors: np.ndarray   #: [M, D] from the first to the second particle, nearest image
+    vectors: np.ndarray   #: [M, D] from the first to the second particle, or to an image of it
     weights: np.ndarray   #: [M] 1, or the side that two Voronoi cells share
 
     @property
@@ -74,11 +74,12 @@ def _places(particles, distance):
 
 
 def _images(places, present, particles, distance):
-    """`_places` of a tilted box whose cell begins at 0."""
-    edges, period = particles.lattice, particles.period
+    """`_places` of a periodic box whose cell begins at 0, with images; in open directions there are none."""
+    closed = np.isfinite(particles.period)
+    edges, period = particles.lattice, np.where(closed, particles.period, 1.0)
     for axis in reversed(range(particles.dim)):
         places = places - np.floor(places[:, axis:axis + 1] / period[axis]) * edges[axis]
-    most = np.ceil((distance + period) / period).astype(int)
+    most = np.where(closed, np.ceil((distance + period) / period), 0).astype(int)
     for axis in reversed(range(particles.dim - 1)):  # the tilt moves images along the axes before it
         most[axis] += int(np.ceil(np.abs(edges[axis + 1:, axis]) @ most[axis + 1:] / period[axis]))
     all_places, of = [places], [present]
@@ -87,15 +88,19 @@ def _images(places, present, particles, distance):
         if np.array_equal(np.array(n), most) or not (np.abs(shift) <= period + distance).all():
             continue
         moved = places + shift
-        near = ((moved >= -distance) & (moved <= period + distance)).all(1)
+        near = (((moved >= -distance) & (moved <= period + distance)) | ~closed).all(1)
         all_places.append(moved[near])
         of.append(present[near])
     return cKDTree(np.concatenate(all_places)), np.concatenate(of)
 
 
-def _check_distance(particles, distance, name="distance"):
+def _check_length(distance, name="distance"):
     if not (np.isfinite(distance) and distance > 0):
         raise ValueError(f"{name} is {distance:g}; give a positive length")
+
+
+def _check_distance(particles, distance, name="distance"):
+    _check_length(distance, name)
     if distance > particles.half_lattice:
         raise ValueError(f"{name} is {distance:g} and half the periodic box {particles.half_lattice:g}; give less, because "
                          "a particle has one image in this range only")
@@ -111,30 +116,53 @@ def close_pairs(particles, distance):
     return np.unique(pairs, axis=0) if particles.tilt is not None else pairs[np.lexsort(pairs.T[::-1])]
 
 
+def _with_images(particles, distance):
+    """`_places` with all images up to `distance` from the cell."""
+    present = np.flatnonzero(particles.active)
+    return _images(particles.positions[present] - particles.box[0], present, particles, distance)
+
+
 def within(particles, distance):
-    """Neighbours whose centres are at most `distance` apart. `particles`: a Frame, Particles or positions [N, D]."""
+    """Neighbours whose centres are at most `distance` apart. `particles`: a Frame, Particles or positions [N, D]. Beyond half
+    the periodic box several images of a particle are neighbours, also images of the particle itself."""
     particles = Particles.of(particles)
-    return neighbours_of(particles, *close_pairs(particles, distance).T)
+    if not distance > particles.half_lattice:
+        return neighbours_of(particles, *close_pairs(particles, distance).T)
+    _check_length(distance)
+    tree, particle = _with_images(particles, distance)
+    near = tree.query_ball_point(tree.data[:particles.active.sum()], distance)
+    first = np.repeat(np.arange(len(near)), [len(one) for one in near])
+    second = np.concatenate([np.zeros(0, int), *near]).astype(int)
+    first, second = (side[first != second] for side in (first, second))
+    order = np.lexsort((particle[second], particle[first]))
+    first, second = first[order], second[order]
+    return Neighbours(particles.count, particle[first], particle[second], tree.data[second] - tree.data[first], np.ones(len(first)))
 
 
 def nearest(particles, count):
-    """The `count` nearest particles of each, by centres, the nearest first; ties have no defined order. ValueError for fewer
-    present particles than count + 1, and for a periodic box in which a neighbour is farther than half of it."""
+    """The `count` nearest particles of each, by centres, the nearest first; ties have no defined order. In a periodic box with
+    few particles these are also further images of particles, and of the particle itself. ValueError for an open box with fewer
+    present particles than count + 1."""
     particles = Particles.of(particles)
-    number = int(particles.active.sum())
-    if not 1 <= count < number:
-        raise ValueError(f"{count} neighbours of {number} present particles; give a count from 1 to {number - 1}")
-    tree, particle = _places(particles, particles.half_lattice)
+    number, far = int(particles.active.sum()), particles.half_lattice
+    closed = np.isfinite(far)
+    if count < 1 or not number or not (closed or count < number):
+        raise ValueError(f"{count} neighbours of {number} present particles; give a count from 1" + (f" to {number - 1}" if not closed else ""))
+    tree, particle = _places(particles, far)
     distance, index = tree.query(tree.data[:number], count + 1)
-    _check_distance(particles, max(distance.max(), np.finfo(float).tiny), "the distance of the farthest neighbour")
+    images = distance.max() > far
+    while closed and distance.max() > far:
+        far *= 1.5
+        tree, particle = _with_images(particles, far)
+        distance, index = tree.query(tree.data[:number], count + 1)
     rows = np.arange(number)
     # The particle itself is the first, unless others have the same place.
     own = index == rows[:, None]
     own[~own.any(1), -1] = True
-    second = index[~own].reshape(-1, count)
-    first = np.repeat(particle[:number], count)
-    second = particle[second.ravel()]
-    return Neighbours(particles.count, first, second, particles.relative(first, second), np.ones(len(first)))
+    second = index[~own].reshape(-1, count).ravel()
+    first = np.repeat(rows, count)
+    vectors = tree.data[second] - tree.data[first] if images else particles.relative(particle[first], particle[second])
+    return Neighbours(particles.count, particle[first], particle[second], vectors, np.ones(len(first)))
 
 
 def touching_pairs(particles):

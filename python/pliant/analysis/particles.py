@@ -69,6 +69,7 @@ class Particles:
     forces: np.ndarray | None = None  #: [C, D] force on the first particle
     points: np.ndarray | None = None  #: [C, D] contact points; default (pairs): on the line of centres, by radii
     walls: np.ndarray | None = None   #: [C] number of the wall, -1 for pairs
+    ids: np.ndarray | None = None     #: [N] numbers of the particles, by which two moments are compared; default: their rows
     time: float = np.nan
 
     def __post_init__(self):
@@ -106,6 +107,11 @@ class Particles:
                     raise ValueError(f"{name} has {len(given[name])} rows and pairs {len(pairs)}; give one row per contact")
             if self.walls is not None:
                 given["walls"] = _array("walls", self.walls, (len(pairs),), np.int64)
+        if self.ids is not None:
+            given["ids"] = _array("ids", self.ids, (count,), np.int64)
+            found, number = np.unique(given["ids"], return_counts=True)
+            if (number > 1).any():
+                raise ValueError(f"the id {found[number > 1][0]} occurs {number.max()} times in ids; give each particle its own")
         for name, values in given.items():  # None: of an open box, or an upright one
             object.__setattr__(self, name, values)
 
@@ -130,6 +136,16 @@ class Particles:
     @property
     def dim(self):
         return self.positions.shape[1]
+
+    def in_order(self, ids):
+        """Positions and box of the particles with these ids [M]; those that are not here are absent."""
+        row = {k: i for i, k in enumerate(self.ids)}
+        rows = np.array([row.get(k, -1) for k in ids], int)
+        there = rows >= 0
+        positions = np.full((len(ids), self.dim), np.nan)
+        positions[there] = self.positions[rows[there]]
+        active = there & np.append(self.active, False)[rows]
+        return Particles(positions, box=self.box, tilt=self.tilt, active=active, ids=ids, time=self.time)
 
     @property
     def count(self):

@@ -105,7 +105,7 @@ def particles_of(shots):
                 given[target] = np.full((len(ids), *values.shape[1:]), np.nan)
                 given[target][at] = values
         box = None if shot.box is None or not np.isfinite(shot.box[1, :dim]).any() else shot.box[:, :dim]
-        result.append(Particles(**given, active=np.isin(ids, shot.ids), box=box, time=shot.time))
+        result.append(Particles(**given, active=np.isin(ids, shot.ids), ids=ids, box=box, time=shot.time))
     return result
 
 
