@@ -101,6 +101,8 @@ ExitCode Run<D>::run() {
       if (!ended()) {
         if (restarted()) ranks_.on_root([&] { drop_summary(p_.output); });
         simulation().advance(protocol_->last_time(), [this](State&) { return after_step(); });
+        if (RunMonitor* const monitor = RunMonitor::current())
+          monitor->progress(state().t, protocol_->last_time(), progress());
       }
       control_.end_progress();
       if (!stopped()) complete();

@@ -55,7 +55,8 @@ class RunMonitor {
   RunMonitor& operator=(const RunMonitor&) = delete;
   /// A run begins that writes this folder.
   virtual void begin(const std::string& /*folder*/) {}
-  /// A few times per second: the time of the run, its end at the latest, and the text of the progress line.
+  /// A few times per second, and at the end: the time of the run, its end at the latest, and the text of the progress
+  /// line.
   virtual void progress(Real t, Real end, const std::string& text) = 0;
   /// A few times per second: whether to stop the run with a checkpoint.
   virtual bool stop() = 0;

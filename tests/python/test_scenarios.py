@@ -1,10 +1,15 @@
 """Scenarios from Python: the runs, the checks and the messages of the program."""
 
+import fcntl
 import os
+import pty
+import re
 import shutil
 import signal
+import struct
 import subprocess
 import sys
+import termios
 import threading
 import time
 import warnings
@@ -186,6 +191,67 @@ def test_progress_bar(tmp_path, small, capfd):
     pytest.importorskip("tqdm")
     pliant.hopper(**dict(small, t_end=40), output=tmp_path / "a", quiet=True, progress=True)
     assert "hopper:" in capfd.readouterr().err
+
+
+HOPPER = {"n": 40, "hopper_wall_distance": 8, "hopper_width": 3}
+BARS = {
+    "hopper": HOPPER | {"t_end": 5},
+    "raft": {"rows": 2, "columns": 2, "v_wall": 1e-3, "t_end": 20},
+    "clog": {"n": 14, "g": 0.1, "hopper_width": 1.25, "phi_c": 3e-4, "t_end": 5},
+    "channel": {"channel_width": 6, "channel_arm": 12, "stroke": 3, "distribution": "bidisperse", "area_fraction": 0.5, "t_end": 0.1},
+    "pack": {"n": 16},
+    "shear": {"n": 16, "strain": 0.02},
+    "shear at a rate": {"n": 16, "path": "quench", "fraction": 0.9, "shear_rate": 0.05, "strain": 1},
+    "vibrate": {"n": 8, "box_width": 4, "cycles": 1},
+    "hopper, an ensemble": HOPPER | {"t_end": 1, "ensemble": 3},
+}
+BAR = """
+import ast, sys, pliant
+if sys.argv[3] == "without":
+    sys.modules["tqdm"] = None
+getattr(pliant, sys.argv[1].split(",")[0].split()[0])(**ast.literal_eval(sys.argv[2]))
+"""
+
+
+@pytest.mark.parametrize("tqdm", ["with", "without"])
+@pytest.mark.parametrize("name", BARS)
+def test_progress_bar_on_a_terminal(name, tqdm, tmp_path):
+    """A bar that reaches the end of the run, also of a short one; without tqdm, remarks alone."""
+    if tqdm == "with":
+        pytest.importorskip("tqdm")
+    terminal, other = pty.openpty()
+    fcntl.ioctl(other, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 200, 0, 0))
+    options = BARS[name] | {"output": str(tmp_path / "run")}
+    child = subprocess.Popen([sys.executable, "-B", "-W", "ignore", "-c", BAR, name, repr(options), tqdm], stdin=other, stdout=other, stderr=other)
+    os.close(other)
+    output = b""
+    try:
+        while part := os.read(terminal, 2**16):
+            output += part
+    except OSError:  # the end of a terminal
+        pass
+    os.close(terminal)
+    output = output.decode()
+    assert child.wait(apps.HANGS) == 0 and "output in" in output, output
+    bars = re.findall(r"(\w+): +(\d+)%\|[^\r]*?\| *([0-9.e+-]+)/([0-9.e+-]+) \[", output)
+    if tqdm == "without":
+        assert not bars and "%|" not in output
+        return
+    assert {bar[0] for bar in bars} == {name.split(",")[0].split()[0]} and bars[-1][1] == "100", output
+    assert float(bars[-1][2]) == pytest.approx(float(bars[-1][3]), rel=0.01)
+
+
+def test_a_bar_that_is_asked_for_needs_tqdm(script):
+    script("""
+import sys, pliant
+sys.modules["tqdm"] = None
+try:
+    pliant.pack(n=8, progress=True)
+except pliant.InputError as error:
+    assert "progress=True needs tqdm; install python3-tqdm" in str(error)
+else:
+    raise SystemExit(1)
+""")
 
 
 INTERRUPTED = """
