@@ -37,12 +37,22 @@ if TYPE_CHECKING:
 _MOTION = ("velocity", "amplitude", "frequency", "phase", "spin", "pivot")
 
 
+def _real(values, name, cure="give an array of numbers"):
+    """The values as a float64 array. InputError for masked arrays and for arrays of other types, which numpy would convert silently."""
+    if np.ma.is_masked(values):
+        raise InputError(f"{name} has masked numbers; fill them, or leave out their rows")
+    try:
+        kind = getattr(values, "dtype", None)
+        if isinstance(kind, np.dtype) and kind.kind not in "biufO":
+            raise TypeError(f"its type is {kind}, not that of real numbers")
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name}: {error}; {cure}") from None
+
+
 def _array(values, name, columns=None):
     """Finite or not: the engine checks the numbers. columns: of an array [n, columns]; None: [n]."""
-    try:
-        array = np.ascontiguousarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name}: {error}; give an array of numbers") from None
+    array = np.ascontiguousarray(_real(values, name))
     shape = "[n]" if columns is None else f"[n, {columns}]"
     if array.ndim != (1 if columns is None else 2) or (columns is not None and array.shape[1] != columns):
         raise InputError(f"{name} has the shape {array.shape}; give an array {shape}")
@@ -51,10 +61,7 @@ def _array(values, name, columns=None):
 
 def _each(values, name, count):
     """One number for each of `count` particles, from one or as many."""
-    try:
-        array = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name}: {error}; give a number, or one for each of the {count} particles") from None
+    array = _real(values, name, f"give a number, or one for each of the {count} particles")
     if array.shape not in ((), (1,), (count,)):
         raise InputError(f"{name} has the shape {array.shape}; give a number, or one for each of the {count} particles")
     return np.ascontiguousarray(np.broadcast_to(array, (count,)))
@@ -71,6 +78,18 @@ class _Fixed:
 
     _cure = ""
     _free: tuple[str, ...] = ()
+
+    def __reduce_ex__(self, protocol):
+        """Copies would share the data of the engine, and a file cannot hold them."""
+        raise TypeError(f"a {type(self).__name__} can neither be copied nor pickled; {self._cure_of_copies()}")
+
+    def _cure_of_copies(self):
+        return "make another one by the same calls"
+
+    def __getattr__(self, name):
+        if name in ("_core", "_callbacks"):
+            raise UsageError(f"this {type(self).__name__} was not initialised; call super().__init__(…) in a class derived from it")
+        raise AttributeError(f"{type(self).__name__} has no attribute {name}")
 
     def __setattr__(self, name, value):
         known = getattr(type(self), name, None)
@@ -103,6 +122,8 @@ def _as_keywords(function):
 
 def _vector(values, name):
     try:
+        if isinstance(values, (str, bytes)):
+            raise TypeError(f"{values!r} is a text")
         return [float(value) for value in values]
     except (TypeError, ValueError) as error:
         raise InputError(f"{name}: {error}; give a number for each direction") from None
@@ -134,9 +155,11 @@ def _optional(value, name):
     return None if value is None else _number(value, name)
 
 
-def _integer(value, name):
+def _integer(value, name, most=2**31 - 1):
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
         raise InputError(f"{name}: {value!r} is not an integer")
+    if abs(value) > most:
+        raise InputError(f"{name} is {value}; give a number of at most {most}")
     return int(value)
 
 
@@ -217,6 +240,9 @@ class Box(_Fixed):
                           _integer(n_vertices, "n_vertices"), _number(shape_parameter, "shape_parameter"), shape, _seed(seed))
         return _each_particle(x, n_vertices, mesh)
 
+    def __reduce_ex__(self, protocol):
+        return Box, (self._lengths, self._origin)
+
     def __repr__(self):
         return f"Box({list(self.lengths)}, origin={list(self.origin)})"
 
@@ -235,7 +261,12 @@ class Mesh(_Fixed):
         triangles = np.asarray(faces)
         if triangles.dtype.kind not in "iu":
             raise InputError("faces are no integers; give numbers of vertices [m, 3]")
+        if triangles.size and np.abs(triangles.astype(float)).max() >= 2**31:
+            raise InputError("faces has numbers beyond 2^31; give numbers of vertices [m, 3]")
         self._core = core.Mesh(_array(vertices, "vertices", 3), np.ascontiguousarray(triangles, dtype=np.int32))
+
+    def __reduce_ex__(self, protocol):
+        return Mesh, (np.array(self.vertices), np.array(self.faces))
 
     @classmethod
     @_as_keywords
@@ -365,7 +396,7 @@ def _obstacles(obstacles):
 
 
 def _seed(seed):
-    seed = _integer(seed, "seed")
+    seed = _integer(seed, "seed", 2**63 - 1)
     if not 0 <= seed < 2**63:
         raise InputError(f"seed is {seed}; give one from 0 to 2^63 - 1")
     return seed
@@ -524,6 +555,9 @@ class Simulation(_Fixed):
     #: A function (positions, velocities, t) → forces [points, D] that acts in addition to the model; None: none does.
     force: Callable[[np.ndarray, np.ndarray, float], ArrayLike] | None = None
     _free = ("force",)
+
+    def _cure_of_copies(self):
+        return "save() and Simulation.restart(folder) continue a simulation elsewhere, and particles() is a copy of its state"
 
     def _cure_of(self, name):
         if name in inspect.signature(Simulation).parameters:
@@ -708,7 +742,7 @@ class Simulation(_Fixed):
     @_as_keywords
     def step(self, n: int = 1, callback: Callable[[Simulation], Any] | None = None) -> None:
         """Takes n steps."""
-        self._run(None, _integer(n, "n"), callback, None)
+        self._run(None, _integer(n, "n", 2**63 - 1), callback, None)
 
     def _run(self, t, n, callback, every):
         calls = list(self._callbacks)
@@ -765,7 +799,7 @@ class Simulation(_Fixed):
             raise InputError("minimize() with a force function, which has no energy; set force = None, or "
                              "run() with drag (zeta) until the particles rest")
         minimum = Minimum(self._core.minimize(_number(force_tolerance, "force_tolerance"),
-                                              _integer(max_iterations, "max_iterations"), _optional(pressure, "pressure")))
+                                              _integer(max_iterations, "max_iterations", 2**63 - 1), _optional(pressure, "pressure")))
         if must_converge and not minimum.converged:
             raise NumericalError(f"minimize() has not converged: {minimum.reason}, above force_tolerance {force_tolerance:g}; call it "
                                  "again to continue, raise max_iterations or force_tolerance, or accept it with must_converge=False")
@@ -896,9 +930,10 @@ class Simulation(_Fixed):
 
     def _set(self, name, values):
         array = self._core.array(name)
+        numbers_ = _real(values, name)
         try:
-            array[...] = values
-        except (TypeError, ValueError) as error:
+            array[...] = numbers_
+        except ValueError as error:
             raise InputError(f"{name}: {error}") from None
 
     @property

@@ -197,7 +197,7 @@ def test_non_affine_motion_in_a_box_that_changes(length, tilt, other_length, oth
 
 
 def test_few_particles_in_an_open_box():
-    """All others are neighbours; with none, or too few, there is no value. Those that have left count nowhere."""
+    """All others are neighbours; with too few others the value is NaN. Absent particles count nowhere."""
     place = np.random.default_rng(1).uniform(0, 5, (20, 2))
     strained = place @ [[1.1, 0.2], [0.0, 0.9]]
     for count in (20, 9, 4, 3, 1, 0):

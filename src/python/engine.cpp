@@ -1,7 +1,9 @@
 #include <pliant/python/engine.h>
 
+#include <pthread.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <map>
 #include <optional>
 #include <thread>
@@ -19,6 +21,8 @@ PetscSession* session = nullptr;  ///< never destroyed: end_session() ends it, a
 pid_t starter = 0;                ///< process that has started PETSc
 std::optional<std::thread::id> user;
 bool running = false;
+bool ending = false;  ///< the interpreter ends
+bool forked = false;  ///< this process is a fork of the process that has started PETSc
 
 void start_session() {
   if (session != nullptr) return;
@@ -26,11 +30,25 @@ void start_session() {
   session = new PetscSession();
   signals.restore();
   starter = ::getpid();
+  ::pthread_atfork(nullptr, nullptr, [] { forked = true; });
+}
+
+/// A thread that runs a simulation while the interpreter ends stops at the next check of signals.
+void stop_other_thread() {
+  constexpr int most_waits = 1000;
+  ending = true;
+  for (int k = 0; k < most_waits && user; ++k) {
+    const py::gil_scoped_release released;
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
 }
 
 /// PETSc and MPI end with the interpreter; a fork does not end the PETSc and MPI of its parent.
 void end_session() {
-  if (session == nullptr || starter != ::getpid()) return;
+  if (session == nullptr || forked) return;
+  stop_other_thread();
+  if (user) return;  // the thread computes, for example a packing: without PETSc it would crash
+  ending = false;    // for simulations that close
   close_all_simulations();
   try {
     session->end();
@@ -59,12 +77,22 @@ void translate(std::exception_ptr pointer) {  // NOLINT(performance-unnecessary-
 
 }  // namespace
 
-EngineUse::EngineUse(Kind kind) : outermost_(!user), runs_(kind == Kind::run) {
-  if (session != nullptr && starter != ::getpid())
+void check_process() {
+  if (forked)
     throw UsageError(
         "this process is a fork of process {}, which has started the engine, and cannot use it; start processes with "
         "multiprocessing.get_context(\"spawn\")",
         starter);
+}
+
+void check_signals() {
+  if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+  if (ending) throw UsageError("the interpreter ends while this thread uses the engine; join the thread first");
+}
+
+EngineUse::EngineUse(Kind kind) : outermost_(!user), runs_(kind == Kind::run) {
+  check_process();
+  if (ending) check_signals();
   if (user && *user != std::this_thread::get_id())
     throw UsageError("another thread uses the engine; use one thread at a time, or processes");
   if (runs_ && running)

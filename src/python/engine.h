@@ -19,9 +19,12 @@ struct UsageError : Error {
       : Error(ExitCode::bad_input, fmt::format(text, std::forward<Args>(args)...)) {}
 };
 
+/// Errors: UsageError in a fork of the process that has started the engine.
+void check_process();
+
 /// Permission to use the engine, from construction to destruction, both with the GIL held. PETSc and the options of a
 /// run belong to the process, so one thread has it at a time. The first permission starts PETSc and MPI. Errors:
-/// UsageError while another thread has it, and in a fork of the process that has started the engine.
+/// UsageError while another thread has it, at the end of the interpreter, and as check_process().
 class EngineUse {
  public:
   /// run: the engine computes; a callback, which runs within a run, cannot start another one. Otherwise data are read
@@ -59,10 +62,9 @@ class PendingError {
   std::exception_ptr error_;
 };
 
-/// Handlers of signals of the interpreter (Ctrl-C) run; their exceptions are thrown. With the GIL.
-inline void check_signals() {
-  if (PyErr_CheckSignals() != 0) throw py::error_already_set();
-}
+/// Handlers of signals of the interpreter (Ctrl-C) run; their exceptions are thrown. With the GIL. Errors: UsageError
+/// at the end of the interpreter, which waits for the runs of other threads.
+void check_signals();
 
 void bind_engine(py::module_& m);
 void bind_scenarios(py::module_& m);

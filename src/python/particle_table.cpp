@@ -63,8 +63,11 @@ Array new_array(std::size_t rows, std::size_t columns) {
 }
 
 void check_finite(std::span<const Real> values, std::size_t columns, const char* name) {
+  constexpr Real largest = 1e150;
   for (std::size_t k = 0; k < values.size(); ++k)
-    if (!std::isfinite(values[k])) throw InputError("{}[{}] is {}; give finite numbers", name, k / columns, values[k]);
+    if (!(std::abs(values[k]) <= largest))
+      throw InputError("{}[{}] is {}; give finite numbers, of at most {:g}, whose squares are finite, too", name,
+                       k / columns, values[k], largest);
 }
 
 template <int D>

@@ -113,6 +113,15 @@ class Simulated final : public AnySimulation {
   void check_open() const {
     if (!simulation_) throw UsageError("this simulation is closed; make another one");
   }
+  /// Errors: UsageError after close, and in a force function, which the engine calls in the middle of a step.
+  void check_usable() const {
+    check_open();
+    if (in_function_)
+      throw UsageError(
+          "a force function cannot change or measure its simulation, which is in the middle of a step; use its "
+          "arguments, "
+          "or a callback, which is called after steps");
+  }
   /// Errors: InputError with an output folder: run.h5 has one list of particles.
   void keep_particles() const {
     if (output_)
@@ -122,7 +131,7 @@ class Simulated final : public AnySimulation {
   template <class Write>
   void write(Write&& write_it) {
     const EngineUse use(EngineUse::Kind::access);
-    check_open();
+    check_usable();
     if (!output_) throw UsageError("this simulation has no output folder; give output when it is made");
     take_changes();
     write_it();
@@ -231,7 +240,7 @@ class Simulated final : public AnySimulation {
   /// numbers that are not finite; the state is then as it was.
   void take_changes();
   StateView<D> present() {
-    check_open();
+    check_usable();
     take_changes();
     return simulation_->view();
   }
@@ -257,6 +266,7 @@ class Simulated final : public AnySimulation {
   bool fresh_ = true;                   ///< nothing that the integrator carries belongs to the state
   bool called_functions_ = false;       ///< callbacks, or a force function
   std::optional<Real> function_power_;  ///< of the force function, at the end of the last step
+  bool in_function_ = false;            ///< a force function is being called
   bool function_acts_ = false;          ///< the numbers that the integrator carries include a force function
 
   std::vector<Index> offset_{0};  ///< [N + 1] first point of each particle in arrays

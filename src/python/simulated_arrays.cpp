@@ -18,7 +18,10 @@ Array Simulated<D>::array(const std::string& name) {
       if (columns(k) == 0) throw UsageError("particles of this model do not rotate, and have no {}", name);
       SharedArray& shared = arrays_[k];
       const bool derived = k == 1 && overdamped();
-      if (derived) take_changes();
+      if (derived) {
+        check_usable();  // velocities need forces
+        take_changes();
+      }
       if (stale_) fetch_all();
       const bool first = !shared.array;
       if (first) shared.array = new_array(rows(k), columns(k));
@@ -157,6 +160,9 @@ void Simulated<D>::take_changes() {
     if (!shared.shown || (k == 1 && overdamped())) continue;
     const auto array = py::reinterpret_borrow<Array>(shared.array);
     const std::span<const Real> given = numbers_of(array);
+    if (given.size() != rows(k) * columns(k))
+      throw InputError("{} has {} numbers, but {} belong to it; do not resize arrays of a simulation", names[k],
+                       given.size(), rows(k) * columns(k));
     now.resize(given.size());
     gather(topology, numbers(k), columns(k), now.data());
     if (std::ranges::equal(now, given)) continue;

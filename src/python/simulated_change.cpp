@@ -10,7 +10,7 @@ namespace pliant::python {
 template <int D>
 void Simulated<D>::configure(const std::vector<std::string>& arguments) {
   const EngineUse use(EngineUse::Kind::access);
-  check_open();
+  check_usable();
   auto settings = std::make_unique<Settings>(arguments);
   if (settings->model.name != settings_->model.name)
     throw InputError("the model of a simulation is {} and cannot become {}; make another simulation",
@@ -40,7 +40,7 @@ void Simulated<D>::configure(const std::vector<std::string>& arguments) {
 template <int D>
 void Simulated<D>::add(const ParticleArrays& arrays) {
   const EngineUse use(EngineUse::Kind::access);
-  check_open();
+  check_usable();
   keep_particles();
   take_changes();
   ParticleTable trial;
@@ -53,7 +53,7 @@ void Simulated<D>::add(const ParticleArrays& arrays) {
 template <int D>
 void Simulated<D>::remove(const std::vector<Index>& ids) {
   const EngineUse use(EngineUse::Kind::access);
-  check_open();
+  check_usable();
   keep_particles();
   take_changes();
   const std::set<Index> gone(ids.begin(), ids.end());
@@ -73,7 +73,7 @@ void Simulated<D>::remove(const std::vector<Index>& ids) {
 template <int D>
 void Simulated<D>::move_wall(Index body, const MotionArguments& arguments) {
   const EngineUse use(EngineUse::Kind::access);
-  check_open();
+  check_usable();
   Walls<D> walls = simulation().particles().walls();
   if (body < 0 || body >= walls.bodies())
     throw InputError("there is no wall {}; this simulation has {}, from 0 on", body, walls.bodies());

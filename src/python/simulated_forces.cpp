@@ -57,7 +57,7 @@ py::dict Simulated<D>::energies() {
 template <int D>
 std::pair<Real, Real> Simulated<D>::work_and_heat() {
   const EngineUse use(EngineUse::Kind::access);
-  check_open();
+  check_usable();
   take_changes();
   settle();
   return {audit_->work(), audit_->heat()};
@@ -80,7 +80,7 @@ py::dict Simulated<D>::forces() {
 template <int D>
 py::dict Simulated<D>::contacts() {
   const EngineUse use(EngineUse::Kind::access);
-  check_open();
+  check_usable();
   take_changes();
   FrameData<D> data(simulation_->particles(), simulation_->state());
   py::dict d;
@@ -161,7 +161,7 @@ void Simulated<D>::require_derivatives() const {
 template <int D>
 py::dict Simulated<D>::moduli(Real contact_threshold) {
   const EngineUse use(EngineUse::Kind::access);
-  check_open();
+  check_usable();
   require_derivatives();
   for (int k = 0; k < D; ++k)
     if (!box_.periodic(k))

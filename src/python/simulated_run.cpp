@@ -5,6 +5,7 @@
 #include <cmath>
 #include <exception>
 #include <limits>
+#include <string_view>
 #include <utility>
 
 #include <pliant/base/cure.h>
@@ -173,11 +174,8 @@ class Simulated<D>::ForceFunction {
       if (static_cast<std::size_t>(x_.shape(0)) != rows) x_ = new_array(rows, D), v_ = new_array(rows, D);
       of_.gather(s.topology, s.x, D, x_.mutable_data());
       of_.gather(s.topology, s.v, D, v_.mutable_data());
-      const auto result = Array::ensure(function_(x_, v_, s.t));
-      if (!result) {
-        PyErr_Clear();
-        throw InputError("the force function returned no array of numbers; return one [points, {}]", D);
-      }
+      const Array result = real_numbers(call(s.t));
+      check_process();
       if (result.ndim() != 2 || static_cast<std::size_t>(result.shape(0)) != rows || result.shape(1) != D)
         throw InputError("the force function returned another shape than [{}, {}], a force for each point", rows, D);
       for (std::size_t k = 0; k < rows * D; ++k)
@@ -196,6 +194,23 @@ class Simulated<D>::ForceFunction {
   }
 
  private:
+  static Array real_numbers(const py::object& returned) {
+    constexpr std::string_view kinds = "biufO";  // numpy's letters for types that become real numbers
+    const auto given = py::array::ensure(returned);
+    if (given && kinds.find(given.dtype().kind()) != std::string_view::npos)
+      if (auto numbers = Array::ensure(given)) return numbers;
+    PyErr_Clear();
+    throw InputError("the force function returned no array of numbers; return one [points, {}]", D);
+  }
+  py::object call(Real t) {
+    struct Calling {
+      bool& flag;
+      explicit Calling(bool& f) : flag(f) { flag = true; }
+      ~Calling() { flag = false; }
+    } const calling(of_.in_function_);
+    return function_(x_, v_, t);
+  }
+
   Simulated& of_;
   py::object function_;
   PendingError& error_;
@@ -247,6 +262,7 @@ struct Simulated<D>::Running {
       error.guard([&] {
         of.show_state();
         call.callback->first();
+        check_process();
         of.take_changes();
       });
       if (error) break;

@@ -229,7 +229,7 @@ def test_particles_of_a_simulation():
 
 
 def test_motion_between_moments_of_a_simulation():
-    """Particles are matched by their ids: those that were removed have no displacement, those that were added do not count."""
+    """Particles are matched by their ids: removed particles have no displacement, added particles do not count."""
     x = cloud(30, spacing=2)
     v = np.random.default_rng(3).normal(size=x.shape)
     sim = Simulation(x, 0.5, velocities=v, dt=0.01, e_w=1, e_sp=1)
