@@ -79,6 +79,7 @@ cmake --build "$build" --parallel "$cores" --target "${targets[@]}"
 run_pliant() {
   local folder hopper=(hopper -n 12 -hopper_wall_distance 5 -hopper_width 3 -frame_interval 0.05 -sample_interval 0.05)
   folder=$(mktemp -d)
+  printf '%s\n' '0 0' '2 0' '2 1' '0 1' >"$folder/rectangle"
   run() { "${runner[@]}" "$build/apps/pliant" "$@" >"$folder/log" 2>&1 || { cat "$folder/log" >&2; return 1; }; }
   run "${hopper[@]}" -t_end 1 -mu 1 -output "$folder/soft" &&
     run hopper -restart "$folder/soft" -t_end 1.2 &&
@@ -93,8 +94,8 @@ run_pliant() {
     run clog -n 8 -t_end 50 -output "$folder/clog" &&
     run channel -channel_width 6 -channel_arm 11 -distribution bidisperse -area_fraction 0.5 -pushes 1 -stroke 0.05 \
       -output "$folder/channel" &&
-    run channel -channel_width 6 -channel_arm 11 -distribution bidisperse -area_fraction 0.5 -pushes 1 -stroke 0.02 \
-      -model rough -output "$folder/rods" &&
+    run channel -channel_width 6 -channel_arm 11 -distribution bidisperse -area_fraction 0.2 -pushes 1 -stroke 0.01 \
+      -model rough -n_vertices 12 -shape_outline "$folder/rectangle" -output "$folder/rectangles" &&
     run pack -n 12 -pressure 1e-2 -output "$folder/packing" &&
     run shear -n 12 -path quench -fraction 0.95 -shear_rate 0.1 -strain 0.1 -output "$folder/shear" &&
     run vibrate -n 12 -box_width 4 -cycles 1 -output "$folder/vibrated" || return 1
