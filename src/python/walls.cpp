@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include <pliant/python/engine.h>
 #include <pliant/python/wall_record.h>
 #include <pliant/scenarios/hopper/shapes.h>
 #include <pliant/setup/packing.h>
@@ -103,7 +104,11 @@ Container outline_container(const Array& left, const Array& right, const py::ite
 
 /// Positions [points, D] in a Container, or a Box<D>.
 template <int D, class Space>
-Array pack_into(const Space& space, const Topology& particles, const PackingParameters& parameters) {
+Array pack_into(const Space& space, const Topology& particles, PackingParameters parameters) {
+  parameters.check = [] {
+    const py::gil_scoped_acquire held;
+    check_signals();
+  };
   Array x(std::vector<py::ssize_t>{particles.points(), D});
   Real* const to = x.mutable_data();
   const py::gil_scoped_release released;

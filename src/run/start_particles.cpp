@@ -396,23 +396,25 @@ void StartOption::report_energy(Simulation<D>& simulation, const std::string& co
   constexpr Real large = 0.1;
   const StateView<D> s = simulation.view();
   Real floor = std::numeric_limits<Real>::infinity();
-  std::array<Real, 3> sums{};  // elastic energy, mass, mass times height
+  std::array<Real, 3> sums{};  // energy of contacts, mass, mass times height (the energy of gravity)
   for (Index i = 0; i < s.topology.owned_points(); ++i) {
     const Real mass = s.topology.mass(i), height = s.position(i)[D - 1];
     floor = std::min(floor, height);
     sums[1] += mass;
     sums[2] += mass * height;
   }
-  sums[0] = simulation.particles().field().energy(s) - sums[2];
+  for (const TermReport& term : simulation.particles().field().report(s))
+    if (term.has_energy && term.particle_energy.empty()) sums[0] += term.energy;  // all but the shape's
+  sums[0] -= sums[2];
   simulation.ranks().sum(sums);
   floor = simulation.ranks().min(floor);
   const Real lift = sums[0] / sums[1], height = sums[2] / sums[1] - floor;
   if (!simulation.ranks().root()) return;
-  say("started from {}; the elastic energy could lift all particles by {:.3g} sigma_avg\n", printable(file_), lift);
+  say("started from {}; the energy of contacts could lift all particles by {:.3g} sigma_avg\n", printable(file_), lift);
   if (lift > large * std::max(height, Real(1)))
     warn(
-        "-start {}: contacts store an elastic energy that could lift all particles by {:.3g} sigma_avg, and becomes "
-        "motion and heat; lower the contact energy ({}), or start from a frame with smaller overlaps",
+        "-start {}: contacts store an energy that could lift all particles by {:.3g} sigma_avg, and becomes motion and "
+        "heat; lower the contact energy ({}), or start from a frame with smaller overlaps",
         printable(file_), lift, contact_energy);
 }
 

@@ -71,9 +71,9 @@ class StartOption {
   /// Sets the velocities, angles and spins of the rank's particles, at the start of the run.
   template <int D>
   void set_motion(Simulation<D>& simulation) const;
-  /// At the start of a run with gravity 1 along the last axis: prints the elastic energy of the particles, and warns if
-  /// it is large, as overlaps of a softer or pressed packing become motion and heat. contact_energy: the option to
-  /// lower. Collective.
+  /// At the start of a run with gravity 1 along the last axis: prints the energy of contacts, and
+  /// warns if it is large, as overlaps of a softer or pressed packing become motion and heat. contact_energy: the
+  /// option to lower. Collective.
   template <int D>
   void report_energy(Simulation<D>& simulation, const std::string& contact_energy) const;
   /// Writes the particles to a checkpoint; take() reads them.

@@ -64,11 +64,13 @@ Topology outer_disks(const Topology& topology) {
 
 template <int D>
 Relaxed push_apart(ParticleSystem<D>& system, FireOptions options, Real tolerance,
-                   const std::function<bool(const Real*)>& inside, std::span<Real> x) {
+                   const std::function<bool(const Real*)>& inside, std::span<Real> x,
+                   const std::function<void()>& check) {
   constexpr Real mass = 1;
   Relaxed relaxed;
   options.force = [&](const Real* r, Real* f) { system.field().forces(system.view(r, nullptr), f); };
   options.done = [&](const Real* r) {
+    if (check) check();
     relaxed.max_overlap = largest_overlap<D>(system, r);
     return relaxed.max_overlap <= tolerance && inside(r);
   };
@@ -83,7 +85,8 @@ Relaxed push_apart(ParticleSystem<D>& system, FireOptions options, Real toleranc
 
 template <int D>
 Relaxed relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, std::int64_t max_iterations,
-                    const std::function<bool(Index, const Real*)>& inside, std::span<Real> centres, const Box<D>& box) {
+                    const std::function<bool(Index, const Real*)>& inside, std::span<Real> centres, const Box<D>& box,
+                    const std::function<void()>& check) {
   const Index n = disks.particles();
   ParticleSystem<D> system(
       std::move(disks), walls,
@@ -105,7 +108,7 @@ Relaxed relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, std::
       if (!inside(m, r)) return false;
     return true;
   };
-  const Relaxed relaxed = push_apart<D>(system, options, tolerance, all_inside, centres);
+  const Relaxed relaxed = push_apart<D>(system, options, tolerance, all_inside, centres, check);
   const std::vector<Real> sorted(centres.begin(), centres.end());
   for (Index k = 0; k < n; ++k) point<D>(centres.data(), system.topology().id[k]) = point<D>(sorted.data(), k);
   return relaxed;
@@ -144,7 +147,7 @@ Packing pack(const Topology& topology, const Container& container, const Packing
         random_place<D>(container, walls, packing.height, outer_radius(topology, m), p.seed, m, round, r);
     }
     const Relaxed relaxed =
-        relax_disks<D>(outer_disks<D>(topology), walls, p.tolerance, most_iterations, inside, centres);
+        relax_disks<D>(outer_disks<D>(topology), walls, p.tolerance, most_iterations, inside, centres, {}, p.check);
     packing.iterations += relaxed.iterations;
     packing.max_overlap = relaxed.max_overlap;
     if (relaxed.done) break;
@@ -181,7 +184,8 @@ Packing pack(const Topology& topology, const Box<D>& box, const PackingParameter
                                          static_cast<std::uint64_t>(m) * D + static_cast<std::uint64_t>(k));
   }
   const Relaxed relaxed = relax_disks<D>(
-      std::move(disks), {}, p.tolerance, most_iterations, [](Index, const Real*) { return true; }, centres, box);
+      std::move(disks), {}, p.tolerance, most_iterations, [](Index, const Real*) { return true; }, centres, box,
+      p.check);
   packing.iterations = relaxed.iterations;
   packing.max_overlap = relaxed.max_overlap;
   if (!relaxed.done)
@@ -199,13 +203,15 @@ Packing pack(const Topology& topology, const Box<D>& box, const PackingParameter
 }
 
 template Relaxed push_apart(ParticleSystem<2>&, FireOptions, Real, const std::function<bool(const Real*)>&,
-                            std::span<Real>);
+                            std::span<Real>, const std::function<void()>&);
 template Relaxed push_apart(ParticleSystem<3>&, FireOptions, Real, const std::function<bool(const Real*)>&,
-                            std::span<Real>);
+                            std::span<Real>, const std::function<void()>&);
 template Relaxed relax_disks<2>(Topology, const Walls<2>&, Real, std::int64_t,
-                                const std::function<bool(Index, const Real*)>&, std::span<Real>, const Box<2>&);
+                                const std::function<bool(Index, const Real*)>&, std::span<Real>, const Box<2>&,
+                                const std::function<void()>&);
 template Relaxed relax_disks<3>(Topology, const Walls<3>&, Real, std::int64_t,
-                                const std::function<bool(Index, const Real*)>&, std::span<Real>, const Box<3>&);
+                                const std::function<bool(Index, const Real*)>&, std::span<Real>, const Box<3>&,
+                                const std::function<void()>&);
 template Packing pack<2>(const Topology&, const Container&, const PackingParameters&, Real*);
 template Packing pack<3>(const Topology&, const Container&, const PackingParameters&, Real*);
 template Packing pack<2>(const Topology&, const Box<2>&, const PackingParameters&, Real*);

@@ -21,7 +21,8 @@ struct PackingParameters {
                           ///< (spheres) cover
   Real tolerance = 1e-4;  ///< largest overlap, relative to a contact's range, that counts as none
   std::uint64_t seed = 1;
-  Real clearance = 0;  ///< from walls, in σ_avg
+  Real clearance = 0;                     ///< from walls, in σ_avg
+  std::function<void()> check = nullptr;  ///< called often; ends the packing if it throws
 };
 
 struct Packing {
@@ -41,17 +42,18 @@ struct Relaxed {
 
 /// Pushes the points x [points · D] of the system apart and off the walls with FIRE, by its forces and with equal
 /// masses, until no overlap is larger than the tolerance and inside(x). options: without the forces and the end
-/// condition.
+/// condition. check: as in PackingParameters.
 template <int D>
 Relaxed push_apart(ParticleSystem<D>& system, FireOptions options, Real tolerance,
-                   const std::function<bool(const Real*)>& inside, std::span<Real> x);
+                   const std::function<bool(const Real*)>& inside, std::span<Real> x,
+                   const std::function<void()>& check = nullptr);
 
 /// Pushes disks, which may lie on top of each other, apart and off the walls with FIRE. inside(m, r): whether disk m is
 /// in the container at centres r, needed if the walls alone do not confine the disks. centres [disks · D], by id.
 template <int D>
 Relaxed relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, std::int64_t max_iterations,
                     const std::function<bool(Index, const Real*)>& inside, std::span<Real> centres,
-                    const Box<D>& box = {});
+                    const Box<D>& box = {}, const std::function<void()>& check = nullptr);
 
 /// Errors: InputError for a particle that is wider than the container where particles come in.
 void check_fit(const Topology& topology, const Container& container);

@@ -121,7 +121,7 @@ def test_a_start_from_a_frame_keeps_the_particles(tmp_path):
     first = vibrate(tmp_path / "first", cycles=3)
     result = pliant("vibrate", output=tmp_path / "second", start=tmp_path / "first/run.h5", box_width=6, cycles=1)
     assert result.returncode == 0, result.stderr
-    assert "the elastic energy could lift all particles by" in result.stdout and result.stderr == ""
+    assert "the energy of contacts could lift all particles by" in result.stdout and result.stderr == ""
     second = Results(tmp_path / "second")
     assert np.array_equal(second.frames[0]["centres"], first.frames[-1]["centres"])
     assert np.array_equal(second.frames[0]["velocities"], first.frames[-1]["velocities"])
@@ -138,7 +138,7 @@ def test_a_start_from_a_pressed_packing_warns(tmp_path):
     options = {"start": table, "box_width": 20, "cycles": 1, "model": "sp", "mu": 1}
     result = pliant("vibrate", output=tmp_path / "run", **options, e_sp=1e4)
     assert result.returncode == 0, result.stderr
-    assert f"-start {table}: contacts store an elastic energy that could lift all particles by" in result.stderr
+    assert f"-start {table}: contacts store an energy that could lift all particles by" in result.stderr
     assert "lower the contact energy (-e_sp)" in result.stderr
     run = Results(tmp_path / "run")
     lift = float(result.stderr.split("particles by ")[1].split()[0])

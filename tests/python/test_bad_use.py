@@ -317,7 +317,8 @@ assert sim.steps == steps + 1
     "pliant.hopper(n=3000, hopper_wall_distance=40, hopper_width=6, t_end=1e5, output=folder, quiet=True)",
     "pliant.pack(n=3000, output=folder, quiet=True)",
     "pliant.hopper(n=60, hopper_wall_distance=8, hopper_width=3, t_end=1e4, ensemble=3, output=folder, quiet=True)",
-], ids=range(11))
+    "pliant.Box((162, 162)).pack(np.ones(30000))",
+], ids=range(12))
 def test_ctrl_c_stops_within_a_second(code, tmp_path):
     done = subprocess.run([sys.executable, "-B", "-W", "ignore", "-c", LATENCY.replace("{code}", code), tmp_path / "run"], capture_output=True,
                           encoding="utf-8", timeout=120)
