@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <pliant/base/errors.h>
+#include <pliant/model/surface_terms.h>
 
 namespace pliant {
 
@@ -149,6 +150,11 @@ const ModelDefinition& ModelChoice::model() const { return *std::ranges::find(mo
 
 bool ModelChoice::deformable() const {
   return particles() == ModelKind::rough || particles() == ModelKind::smooth || particles() == ModelKind::shape;
+}
+
+void ModelChoice::check_surfaces() const {
+  if (in_catalogue(model()) && model().space && deformable())
+    check_tension(term(SurfaceTension{}), term(FaceArea{}), term(EdgeLength{}));
 }
 
 Real ModelChoice::value(Role role) const {

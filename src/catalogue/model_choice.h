@@ -48,6 +48,7 @@ class ModelChoice {
     table_.set_dimension(D);
     ParameterTable::Reader reader(table_, name, D, &table_);
     model().make<D>(reader, s);
+    if constexpr (D == 3) check_surfaces();
   }
 
   const ModelDefinition& model() const;
@@ -87,6 +88,7 @@ class ModelChoice {
  private:
   void bind(Options& options, ParameterTable::Entry& entry, const UnitSystem& units, bool any_dimension);
   bool kept(const ParameterTable::Entry& entry) const;
+  void check_surfaces() const;
   static bool in_catalogue(const ModelDefinition& model) { return to_string(model.particles) == model.name; }
   /// The only model that reads a parameter, if it is a model of a user program; else nothing.
   std::optional<std::string> owner(const ParameterTable::Entry& entry) const;

@@ -228,9 +228,15 @@ std::size_t ParameterTable::Reader::choose(const Parameter& p, std::span<const s
   const Entry& entry = table_.at(p.name);
   if (const auto found = std::ranges::find(names, entry.choice); found != names.end())
     return static_cast<std::size_t>(found - names.begin());
-  std::vector<std::string> models;
-  for (const Reading& reading : entry.readings)
-    if (std::ranges::find(reading.choices, entry.choice) != reading.choices.end()) add_new(models, {reading.model});
+  std::vector<std::string> models, elsewhere;
+  for (const Reading& reading : entry.readings) {
+    if (std::ranges::find(reading.choices, entry.choice) == reading.choices.end()) continue;
+    if (reading.dim == dim_)
+      add_new(models, {reading.model});
+    else
+      add_new(elsewhere, {fmt::format("{} in {}D", reading.model, reading.dim)});
+  }
+  if (models.empty()) models = elsewhere;
   throw InputError("-{} {} with -model {}: only -model {} has it; use that, or {}", entry.name, entry.choice, model_,
                    alternatives(models), names.front());
 }

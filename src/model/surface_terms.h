@@ -263,4 +263,7 @@ struct HingeBending : SurfaceTerm {
   }
 };
 
+/// Errors: InputError for tension without stiffness of areas and edges: vertices then move freely along the surface.
+void check_tension(const SurfaceTension& tension, const FaceArea& area, const EdgeLength& edges);
+
 }  // namespace pliant

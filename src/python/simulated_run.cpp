@@ -196,6 +196,8 @@ class Simulated<D>::ForceFunction {
  private:
   static Array real_numbers(const py::object& returned) {
     constexpr std::string_view kinds = "biufO";  // numpy's letters for types that become real numbers
+    if (py::hasattr(returned, "mask"))
+      throw InputError("the force function returned a masked array, whose masked numbers have no meaning; fill them");
     const auto given = py::array::ensure(returned);
     if (given && kinds.find(given.dtype().kind()) != std::string_view::npos)
       if (auto numbers = Array::ensure(given)) return numbers;

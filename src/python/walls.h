@@ -48,7 +48,8 @@ class AnyWalls {
     return std::get<D - 2>(walls_);
   }
 
-  // Each adds a body and returns its number.
+  // Each adds a body and returns its number. Errors: InputError for a body that lies on another one with the same
+  // motion, as particles would feel both.
   /// Segments between consecutive points [n, 2]; in 3D the meridian (ρ, z) of a surface of revolution.
   Index polyline(const Array& points, const MotionArguments& motion);
   Index polygon(const Array& corners, const MotionArguments& motion);
@@ -61,7 +62,13 @@ class AnyWalls {
 
  private:
   Index add(const WallParts& parts, const MotionArguments& motion);
+  struct Body {
+    WallParts parts;  ///< of a solid none
+    MotionArguments motion;
+  };
+  void check_coincidence(const Body& next) const;
   std::variant<Walls<2>, Walls<3>> walls_;
+  std::vector<Body> bodies_;
   nlohmann::json parts_ = nlohmann::json::array();
 };
 

@@ -337,3 +337,31 @@ def test_ctrl_c_in_a_callback_that_waits():
         signal.signal(signal.SIGALRM, before)
     assert sim.steps == 1
     sim.step()
+
+
+@pytest.mark.parametrize("add, motion", [
+    (lambda walls, **m: walls.line([(0, 0), (2, 0)], **m), {}), (lambda walls, **m: walls.polygon([(1, 0), (4, 0), (4, -1)], **m), {}),
+    (lambda walls, **m: walls.disk((0, 3), 1, **m), {}), (lambda walls, **m: walls.half_space((0, -5), (0, 1), **m), {}),
+    (lambda walls, **m: walls.segment((3, 1), (1, 1), **m), {"velocity": (1, 0)})])
+def test_walls_on_each_other(add, motion):
+    """Particles would feel both. Walls with different motions, and walls that meet, are no such walls."""
+    walls = pliant.Walls()
+    walls.line([(0, 0), (2, 0), (2, 2)])
+    walls.disk((0, 3), 1)
+    walls.half_space((0, -5), (0, 1))
+    walls.segment((0, 1), (2, 1), velocity=(1, 0))
+    add(walls, velocity=(0, 1))
+    count = len(walls)
+    with pytest.raises(pliant.InputError, match=r"body \d of the walls.*leave one out"):
+        add(walls, **motion)
+    assert len(walls) == count
+    walls.segment((2, 2), (5, 3))
+    walls.segment((0, 1), (2, 0))
+    walls.disk((0, 3.5), 1)
+
+
+def test_a_force_function_that_returns_a_masked_array():
+    sim = Simulation([[0, 0], [3, 0]], 1)
+    sim.force = lambda x, v, t: np.ma.array(0 * x, mask=x > 1)
+    with pytest.raises(pliant.InputError, match="masked array"):
+        sim.step()

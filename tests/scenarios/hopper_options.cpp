@@ -213,6 +213,8 @@ TEST_CASE("options of a hopper that contradict each other", "[options]") {
   refused({"-contact_law", "barrier"}, "-contact_law barrier with -model sp");
   refused({"-wall_diameter", "0.6", "-hopper_width", "0.5"}, "leave no gap");
   refused({"-contact_law", "linear", "-model", "smooth"}, "only -model sp has it");
+  refused({"-contact_law", "barrier", "-model", "smooth", "-dim", "3"}, "only -model smooth in 2D has it");
+  refused({"-model", "rough", "-dim", "3", "-gamma", "2", "-k_a", "0", "-k_l", "0"}, "gamma 2 with k_a 0 and k_l 0");
   refused({"-contact_law", "hertz", "-model", "rough"}, "-contact_law hertz with -model rough");
   refused({"-model", "rough", "-shape_parameter", "1", "-n_vertices", "6"}, "-shape_parameter 1: no polygon of 6");
   refused({"-implicit", "shape"}, "-integrator verlet");

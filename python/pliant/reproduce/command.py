@@ -38,9 +38,8 @@ _EPILOG = """examples:
   pliant-reproduce H4 as-run                               # with all differences of the authors' program
   pliant-reproduce H2 --table mine.csv                     # your runs, the same figure
 
-exit codes: 0 done, 2 bad input, 3 runs have failed or a figure could not be drawn, 4 output failed, 6 another sweep works
-there, 75 runs are left: run
-the same again"""
+exit codes: 0 done, 2 bad input, 3 runs have failed or, with all, a figure could not be drawn, 4 output failed,
+6 another sweep works there, 75 runs are left: run the same again"""
 
 
 @dataclass(frozen=True)

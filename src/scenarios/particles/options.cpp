@@ -15,9 +15,10 @@ namespace pliant {
 
 void bind_sizes(Options& options, SizeDistribution& sizes) {
   constexpr auto fixed = OnRestart::fixed;
-  options.bind(
-      "size_distribution", sizes.kind,
-      {.help = "distribution of diameters, mean 1", .choices = {"bidisperse", "normal", "mono"}, .on_restart = fixed});
+  options.bind("size_distribution", sizes.kind,
+               {.help = "distribution of diameters, mean about 1",
+                .choices = {"bidisperse", "normal", "mono"},
+                .on_restart = fixed});
   options.bind(
       "size_ratio", sizes.ratio,
       {.help = "bidisperse: large diameter divided by small diameter", .min = 1, .max = 10, .on_restart = fixed});
@@ -43,12 +44,13 @@ void bind_shape(Options& options, PolygonShape& shape) {
                 .cures = {Cure::even_vertices, Cure::more_vertices},
                 .on_restart = fixed});
   options.bind("shape_parameter", shape.shape_parameter,
-               {.help = "A0 = perimeter^2/(4 pi area), 3D area^1.5/(6 sqrt(pi) volume); 0: regular",
+               {.help = by_dimension ? "A0 = perimeter^2/(4 pi area), 3D area^1.5/(6 sqrt(pi) volume); 0: regular"
+                                     : "A0 = perimeter^2/(4 pi area); 0: regular",
                 .min = 0,
                 .cures = {Cure::rounder_shape},
                 .on_restart = fixed});
   options.bind("edge_width", shape.edge_width,
-               {.help = "smooth particles: width of an edge, divided by its rest length",
+               {.help = "smooth particles: width of an edge over its rest length (3D: at most 0.5)",
                 .min = 0,
                 .max = 1,
                 .min_open = true,
@@ -99,7 +101,7 @@ void refuse_unread_particles(const Options& options, const ModelChoice& model, c
 void bind_packing(Options& options, std::optional<Real>& fraction, Real& tolerance) {
   constexpr auto fixed = OnRestart::fixed;
   options.bind("pack_fraction", fraction,
-               {.help = "initial packing fraction (polygons count as the disks around them)",
+               {.help = "initial packing fraction; deformable: of the disks (spheres) around them",
                 .min = 0,
                 .max = 0.9,
                 .min_open = true,
