@@ -60,7 +60,7 @@ class ParameterTable {
     std::optional<std::string> term_of(std::string_view model, int dim = 0) const;
     bool read_by(std::string_view model, int dim = 0) const { return term_of(model, dim).has_value(); }
     bool exists_in(int dim) const;
-    /// Of a number.
+    /// The default of a number.
     Real default_in(int dim) const { return dim == 3 && other_in_space ? other_in_space->number : number; }
     /// Unit in so many dimensions; 0: a text for all dimensions in which it exists.
     std::string unit_text(const UnitSystem& units, int dim = 0) const;

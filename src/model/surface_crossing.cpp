@@ -83,7 +83,7 @@ class Look {
     if (seen_.piercing) seen_.enclosure.reset();
   }
 
-  /// Which of two particles is inside the other one. They do not pierce each other.
+  /// Finds whether one of two particles, which do not pierce each other, is inside the other one.
   std::optional<Enclosure> find_enclosure(Index m, Index n) const {
     for (const Enclosure& e : {Enclosure{m, n}, Enclosure{n, m}})
       if (bounds_[e.outer].contains(bounds_[e.inner]) &&

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <vector>
 
-#include <pliant/base/errors.h>
 #include <pliant/base/rng.h>
 #include <pliant/geometry/distance.h>
 #include <pliant/model/resting_surface.h>
@@ -172,14 +171,6 @@ Real HingeBending::max_rate(const Topology& topology) const {
   for (Index m = 0; m < topology.particles(); ++m)
     fastest = std::max(fastest, stiffest * k_b / (square(topology.l0[m]) * topology.mass(topology.offset[m])));
   return std::sqrt(fastest);
-}
-
-void check_tension(const SurfaceTension& tension, const FaceArea& area, const EdgeLength& edges) {
-  if (tension.gamma > 0 && area.k_a == 0 && edges.k_l == 0)
-    throw InputError(
-        "gamma {} with k_a 0 and k_l 0: tension alone does not hold vertices in place along the surface; raise k_a or "
-        "k_l",
-        tension.gamma);
 }
 
 }  // namespace pliant

@@ -4,6 +4,7 @@
 #include <array>
 #include <functional>
 
+#include <pliant/base/errors.h>
 #include <pliant/geometry/hinge.h>
 #include <pliant/model/parameter.h>
 #include <pliant/model/surface.h>
@@ -264,6 +265,12 @@ struct HingeBending : SurfaceTerm {
 };
 
 /// Errors: InputError for tension without stiffness of areas and edges: vertices then move freely along the surface.
-void check_tension(const SurfaceTension& tension, const FaceArea& area, const EdgeLength& edges);
+inline void check_tension(const SurfaceTension& tension, const FaceArea& area, const EdgeLength& edges) {
+  if (tension.gamma > 0 && area.k_a == 0 && edges.k_l == 0)
+    throw InputError(
+        "gamma {} with k_a 0 and k_l 0: tension alone does not hold vertices in place along the surface; raise k_a or "
+        "k_l",
+        tension.gamma);
+}
 
 }  // namespace pliant

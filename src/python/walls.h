@@ -63,7 +63,7 @@ class AnyWalls {
  private:
   Index add(const WallParts& parts, const MotionArguments& motion);
   struct Body {
-    WallParts parts;  ///< of a solid none
+    WallParts parts;  ///< empty for a solid
     MotionArguments motion;
   };
   void check_coincidence(const Body& next) const;

@@ -53,7 +53,7 @@ def test_a_packing_at_a_pressure(model, packings):
 
 @pytest.mark.parametrize("model", MODELS)
 def test_moduli_are_the_response_to_pressure(model, packings, tmp_path):
-    """−V ∂p/∂V between two packings, of which the second has a pressure lower by 5e-5 of it."""
+    """−V ∂p/∂V between two packings whose pressures differ by a part of 5e-5."""
     before = packings[model]
     after = pack(tmp_path / "run", model=model, moduli="yes", seed=3, pressure=0.019999, **MODELS[model])
     p0, p1 = (run.summary["pressure"] for run in (before, after))

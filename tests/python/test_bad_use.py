@@ -344,7 +344,7 @@ def test_ctrl_c_in_a_callback_that_waits():
     (lambda walls, **m: walls.disk((0, 3), 1, **m), {}), (lambda walls, **m: walls.half_space((0, -5), (0, 1), **m), {}),
     (lambda walls, **m: walls.segment((3, 1), (1, 1), **m), {"velocity": (1, 0)})])
 def test_walls_on_each_other(add, motion):
-    """Particles would feel both. Walls with different motions, and walls that meet, are no such walls."""
+    """Particles would feel both. Walls with different motions, and walls that meet, are accepted."""
     walls = pliant.Walls()
     walls.line([(0, 0), (2, 0), (2, 2)])
     walls.disk((0, 3), 1)

@@ -85,7 +85,7 @@ def mean_squared_displacement(source, times=None, reinsertions=None, lags=None, 
 
 
 def _same_particles(before, after, box):
-    """Two Frames, or two Particles with the same particles in the same rows, those of `before`. ValueError for others."""
+    """Two Frames, or two Particles with the same particles in the same rows as `before`. ValueError for others."""
     if isinstance(before, Frame) and isinstance(after, Frame):
         one, other = before.run.topology.sigma, after.run.topology.sigma
         if not np.array_equal(one, other):
@@ -106,7 +106,7 @@ def _same_particles(before, after, box):
 
 def displacements(before, after, box=None):
     """[N, D] displacements between two frames of a run, or two arrays [N, D] or Particles; NaN for particles that are absent in
-    one of them, or were reinserted in between. Rows are those of `before`; Particles with ids may have other particles, too.
+    one of them, or were reinserted in between. Rows belong to the particles of `before`; Particles with ids may have other particles, too.
     Arrays and Particles in a periodic box: less than half of it, relative to the strain of the box from one to the other."""
     before, after = _same_particles(before, after, box)
     if isinstance(before, Frame):

@@ -15,7 +15,7 @@ Real drag_rate(const ModelChoice& model, const ForceField<D>& field, const Topol
   return !field.rotates() && model.value(Role::drag) > 0 ? model.term(Drag<D>{}).min_damping(all) : 0;
 }
 
-/// The fastest motions of a dense packing of these particles; critical: of the field.
+/// The fastest motions of a dense packing of these particles; critical: the limits of the field.
 template <int D>
 std::vector<FastestRates> motions_of(const CriticalStep& critical, const ModelChoice& model, const ForceField<D>& field,
                                      const Topology& all) {
