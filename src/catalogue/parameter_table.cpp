@@ -38,7 +38,8 @@ std::string ParameterTable::Entry::unit_text(const UnitSystem& units, int dim) c
   if (!exists_in(2)) return units.text(unit, 3);
   if (!exists_in(3)) return units.text(unit, 2);
   if (!other_in_space) return units.text(unit, 0);
-  return fmt::format("2D: {}, 3D: {}", unit_text(units, 2), unit_text(units, 3));
+  const std::string in_plane = unit_text(units, 2), in_space = unit_text(units, 3);
+  return in_plane == in_space ? in_plane : fmt::format("2D: {}, 3D: {}", in_plane, in_space);
 }
 
 std::string ParameterTable::Entry::help_text() const {
@@ -228,15 +229,18 @@ std::size_t ParameterTable::Reader::choose(const Parameter& p, std::span<const s
   const Entry& entry = table_.at(p.name);
   if (const auto found = std::ranges::find(names, entry.choice); found != names.end())
     return static_cast<std::size_t>(found - names.begin());
-  std::vector<std::string> models, elsewhere;
+  std::vector<std::string> models;
+  std::vector<Reading> elsewhere;
   for (const Reading& reading : entry.readings) {
     if (std::ranges::find(reading.choices, entry.choice) == reading.choices.end()) continue;
     if (reading.dim == dim_)
       add_new(models, {reading.model});
     else
-      add_new(elsewhere, {fmt::format("{} in {}D", reading.model, reading.dim)});
+      elsewhere.push_back(reading);
   }
-  if (models.empty()) models = elsewhere;
+  for (const Reading& reading : elsewhere)
+    if (std::ranges::find(models, reading.model) == models.end())
+      add_new(models, {fmt::format("{} in {}D", reading.model, reading.dim)});
   throw InputError("-{} {} with -model {}: only -model {} has it; use that, or {}", entry.name, entry.choice, model_,
                    alternatives(models), names.front());
 }

@@ -66,8 +66,8 @@ void check_finite(std::span<const Real> values, std::size_t columns, const char*
   constexpr Real largest = 1e150;
   for (std::size_t k = 0; k < values.size(); ++k)
     if (!(std::abs(values[k]) <= largest))
-      throw InputError("{}[{}] is {}; give finite numbers, of at most {:g}, whose squares are finite, too", name,
-                       k / columns, values[k], largest);
+      throw InputError("{}[{}] is {}; give finite numbers of at most {:g}, whose squares are finite", name, k / columns,
+                       values[k], largest);
 }
 
 template <int D>

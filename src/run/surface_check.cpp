@@ -18,10 +18,10 @@ Index check_surfaces(const StateView<3>& s, const Ranks& ranks, const SurfaceCur
     const SurfacesLook seen = look_at_surfaces(s);
     self_crossings = seen.self_crossings;
     if (seen.piercing && cures.piercing_stops)
-      throw NumericalError("{} of particle {}: {}, {}", edge(*seen.piercing), id(seen.piercing->other), cures.contacts,
-                           cures.shape);
+      throw NumericalError("{} of particle {}: {} or {}", edge(*seen.piercing), id(seen.piercing->other),
+                           cures.contacts, cures.shape);
     if (seen.enclosure && cures.piercing_stops)
-      throw NumericalError("particle {} is inside particle {}: {}, {}", id(seen.enclosure->inner),
+      throw NumericalError("particle {} is inside particle {}: {} or {}", id(seen.enclosure->inner),
                            id(seen.enclosure->outer), cures.contacts, cures.shape);
     if (seen.bad_shape)
       throw NumericalError("particle {} {}: {}", id(seen.bad_shape->particle),

@@ -89,8 +89,8 @@ def _same_particles(before, after, box):
     if isinstance(before, Frame) and isinstance(after, Frame):
         one, other = before.run.topology.sigma, after.run.topology.sigma
         if not np.array_equal(one, other):
-            raise ValueError(f"{before.run.path} has {len(one)} particles and {after.run.path} {len(other)}, of other sizes; give two "
-                             "frames of the same run")
+            raise ValueError(f"{before.run.path} has {len(one)} particles and {after.run.path} {len(other)}, or their sizes differ; "
+                             "give two frames of the same run")
         return before, after
     before, after = (Particles.of(one, box=box) for one in (before, after))
     if before.dim == after.dim and not np.array_equal(np.isfinite(before.period), np.isfinite(after.period)):
@@ -107,7 +107,7 @@ def _same_particles(before, after, box):
 def displacements(before, after, box=None):
     """[N, D] displacements between two frames of a run, or two arrays [N, D] or Particles; NaN for particles that are absent in
     one of them, or were reinserted in between. Rows belong to the particles of `before`; Particles with ids may have other particles, too.
-    Arrays and Particles in a periodic box: less than half of it, relative to the strain of the box from one to the other."""
+    Arrays and Particles: in a periodic box each particle must move by less than half the box, apart from the strain of the box."""
     before, after = _same_particles(before, after, box)
     if isinstance(before, Frame):
         return after.displacements(before)
@@ -214,8 +214,8 @@ def strain(gradient):
 
 def non_affine_displacements(before, after, width, box=None):
     """[N, D] displacement less its mean around the particle: weights exp(-r²/(2 width²)) of the particles up to 4 widths away,
-    itself included. NaN for particles without a displacement. The strain of a periodic box that changes is subtracted exactly. The
-    mean of another homogeneous strain is exact only where the neighbours are even on all sides; D²_min is free of strain at borders, too."""
+    itself included. NaN for particles without a displacement. The strain of a periodic box that changes is subtracted exactly,
+    any other homogeneous strain only where the neighbours are distributed evenly on all sides; D²_min subtracts it at borders, too."""
     moved = displacements(before, after, box)
     there = np.isfinite(moved).all(1)
     near = within(_present(before, moved, box), 4 * width)

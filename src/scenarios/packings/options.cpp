@@ -96,7 +96,7 @@ void PackingOptions::bind_analysis(Options& o) {
       "modes", modes,
       {.help = "number of the lowest vibrational modes of each packing in the series", .min = 0, .on_restart = fixed});
   o.bind("pre_stress", pre_stress, {{"kept", PreStress::kept}, {"dropped", PreStress::dropped}},
-         {.help = "modes: with pre-stress, or as if contacts, edges and areas were at rest",
+         {.help = "modes: with pre-stress, or as if contacts and shapes were at rest",
           .only_with = "-modes",
           .on_restart = fixed});
 }
@@ -134,8 +134,9 @@ void PackOptions::bind_path(Options& o, bool compresses) {
           .min = 1e-3,
           .max = 3,
           .max_open = true,
-          .automatic = fmt::format("soft particles: 0.9 (3D: 0.7){}; deformable: 0.65 (3D: 0.55) of disks around them",
-                                   compresses ? ", compress: 0.5 (3D: 0.3)" : ""),
+          .automatic = fmt::format(
+              "soft particles: 0.9 (3D: 0.7){}; deformable: disks around them cover 0.65 (3D: spheres 0.55)",
+              compresses ? ", compress: 0.5 (3D: 0.3)" : ""),
           .on_restart = fixed});
   o.bind("pressure", pressure,
          {.help = "pressure of the last packing", .unit = "eps/sigma_avg^d", .min = 0, .min_open = true});
