@@ -71,8 +71,8 @@ def test_the_particles_of_a_frame(model, tmp_path, earlier):
 @pytest.mark.parametrize("dim", [2, 3])
 def test_bending_at_rest_is_no_energy_of_contacts(dim, tmp_path):
     """Undeformed smooth particles have bending energy, and touch nothing in the first frame."""
-    options = {"model": "smooth", "dim": dim, "n": 4, "hopper_wall_distance": 5, "hopper_width": 3, "k_b": 10, "t_end": 1e-3}
-    assert pliant("hopper", output=tmp_path / "first", **options).returncode == 0
+    options = {"model": "smooth", "dim": dim, "hopper_wall_distance": 5, "hopper_width": 3, "k_b": 10, "t_end": 1e-3}
+    assert pliant("hopper", output=tmp_path / "first", n=4, **options).returncode == 0
     result = pliant("hopper", start=f"{tmp_path / 'first/run.h5'}:0", output=tmp_path / "run", **options)
     assert result.returncode == 0 and result.stderr == "", result.stderr
     assert float(result.stdout.split("energy of contacts could lift all particles by ")[1].split()[0]) < 1e-6
