@@ -11,7 +11,7 @@ packages=(
 )
 if [[ ${CI:-} == true ]]; then
   packages+=(clang-format clang-14 clang-tidy-14 libclang-rt-14-dev libomp-14-dev libbenchmark-dev mypy
-    python3-petsc4py chromium-headless-shell)
+    python3-petsc4py chromium-headless-shell libeatmydata1)
 fi
 benchmarks=no
 case ${1:-} in
