@@ -4,7 +4,7 @@
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 "$root/scripts/setup.sh"
-say "Building the program, which takes about $((12 / cores + 1)) minutes on $cores core(s) (without tests, which scripts/build.sh adds)."
+say "Building the program, which takes about $((7 / cores + 1)) minutes on $cores core(s) (without tests, which scripts/build.sh adds)."
 "$root/scripts/build.sh" pliant
 
 cd "$root"
