@@ -234,7 +234,7 @@ def test_particles_are_matched_by_their_ids():
 def test_frames_of_different_particles_are_refused(tmp_path):
     with Run(write_run(tmp_path / "a", n=20)[0]) as a, Run(write_run(tmp_path / "b", n=21)[0]) as b:
         for function in (analysis.displacements, analysis.d2_min, analysis.deformation):
-            with pytest.raises(ValueError, match="a has 20 particles and .*b 21, of other sizes; give two frames of the same run"):
+            with pytest.raises(ValueError, match="a has 20 particles and .*b 21, or their sizes differ; give two frames of the same run"):
                 function(a.frames[0], b.frames[1])
 
 
