@@ -17,8 +17,8 @@ Real widest_gap(const Surface& surface);
 Real shell_volume(const Real* x, const Topology& topology, const Surface& surface, Index m, Real width);
 
 /// Volume of the parts of spheres around the vertices of particle m that are outside the surface:
-/// (Nv/2 + Σ_e φ_e/(2π)) π d³/6, from the sum of the solid angles at the vertices. Spheres that overlap each other
-/// count twice; those of rough particles touch where edges have the length d.
+/// (Nv/2 + Σ_e φ_e/(2π)) π d³/6, from the sum of the solid angles at the vertices. A place in two spheres
+/// counts twice. The spheres of two neighbouring vertices touch where their edge has the length d.
 Real outer_spheres_volume(const Real* x, const Topology& topology, const Surface& surface, Index m, Real diameter);
 
 /// Whether a place is inside the surface of particle m, which must not cross itself. x [points · 3].
