@@ -32,8 +32,7 @@ target_compile_options(pliant_python PRIVATE ${pliant_optimise_less})
 # Its libraries share the process with others, as those of petsc4py: it exports nothing but its start.
 target_link_options(pliant_python PRIVATE -Wl,--exclude-libs,ALL)
 set(package "${PROJECT_BINARY_DIR}/python/pliant")
-set_target_properties(pliant_python PROPERTIES OUTPUT_NAME _core LIBRARY_OUTPUT_DIRECTORY "${package}"
-  UNITY_BUILD_BATCH_SIZE 0)  # one for each of two cores
+set_target_properties(pliant_python PROPERTIES OUTPUT_NAME _core LIBRARY_OUTPUT_DIRECTORY "${package}")
 file(GLOB files CONFIGURE_DEPENDS LIST_DIRECTORIES true "${PROJECT_SOURCE_DIR}/python/pliant/*")
 file(MAKE_DIRECTORY "${package}")
 foreach(file ${files})

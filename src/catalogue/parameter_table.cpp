@@ -230,17 +230,11 @@ std::size_t ParameterTable::Reader::choose(const Parameter& p, std::span<const s
   if (const auto found = std::ranges::find(names, entry.choice); found != names.end())
     return static_cast<std::size_t>(found - names.begin());
   std::vector<std::string> models;
-  std::vector<Reading> elsewhere;
-  for (const Reading& reading : entry.readings) {
-    if (std::ranges::find(reading.choices, entry.choice) == reading.choices.end()) continue;
-    if (reading.dim == dim_)
-      add_new(models, {reading.model});
-    else
-      elsewhere.push_back(reading);
-  }
-  for (const Reading& reading : elsewhere)
-    if (std::ranges::find(models, reading.model) == models.end())
-      add_new(models, {fmt::format("{} in {}D", reading.model, reading.dim)});
+  for (const bool here : {true, false})  // models of these dimensions first
+    for (const Reading& reading : entry.readings)
+      if ((reading.dim == dim_) == here && std::ranges::find(models, reading.model) == models.end() &&
+          std::ranges::find(reading.choices, entry.choice) != reading.choices.end())
+        add_new(models, {here ? reading.model : fmt::format("{} in {}D", reading.model, reading.dim)});
   throw InputError("-{} {} with -model {}: only -model {} has it; use that, or {}", entry.name, entry.choice, model_,
                    alternatives(models), names.front());
 }

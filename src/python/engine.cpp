@@ -75,6 +75,10 @@ void translate(std::exception_ptr pointer) {  // NOLINT(performance-unnecessary-
   }
 }
 
+void check_not_ending() {
+  if (ending) throw UsageError("the interpreter ends while this thread uses the engine; join the thread first");
+}
+
 }  // namespace
 
 void check_process() {
@@ -87,12 +91,12 @@ void check_process() {
 
 void check_signals() {
   if (PyErr_CheckSignals() != 0) throw py::error_already_set();
-  if (ending) throw UsageError("the interpreter ends while this thread uses the engine; join the thread first");
+  check_not_ending();
 }
 
 EngineUse::EngineUse(Kind kind) : outermost_(!user), runs_(kind == Kind::run) {
   check_process();
-  if (ending) check_signals();
+  check_not_ending();
   if (user && *user != std::this_thread::get_id())
     throw UsageError("another thread uses the engine; use one thread at a time, or processes");
   if (runs_ && running)

@@ -119,8 +119,7 @@ class Simulated final : public AnySimulation {
     if (in_function_)
       throw UsageError(
           "a force function cannot change or measure its simulation, which is in the middle of a step; use its "
-          "arguments, "
-          "or a callback, which is called after steps");
+          "arguments, or a callback, which is called after steps");
   }
   /// Errors: InputError with an output folder: run.h5 has one list of particles.
   void keep_particles() const {

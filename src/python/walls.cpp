@@ -172,10 +172,8 @@ bool coincide(const WallSegment& a, const WallSegment& b) {
   constexpr Real tolerance = 1e-9;
   if (a.length == 0 || b.length == 0)
     return a.length == b.length && a.radius > 0 && a.radius == b.radius && a.origin == b.origin;
-  const auto cross = [](const Vec<2>& u, const Vec<2>& v) { return u[0] * v[1] - u[1] * v[0]; };
-  const Vec<2> to = b.origin - a.origin;
-  if (std::abs(cross(a.direction, b.direction)) > tolerance || std::abs(cross(a.direction, to)) > tolerance)
-    return false;
+  const Vec<2> to = b.origin - a.origin, normal(-a.direction[1], a.direction[0]);
+  if (std::abs(normal.dot(b.direction)) > tolerance || std::abs(normal.dot(to)) > tolerance) return false;
   const Real first = a.direction.dot(to), last = first + a.direction.dot(b.direction) * b.length;
   return std::min(a.length, std::max(first, last)) - std::max<Real>(0, std::min(first, last)) > tolerance;
 }
@@ -232,24 +230,31 @@ Index AnyWalls::add(const WallParts& parts, const MotionArguments& motion) {
   for (const WallSegment& s : parts.segments)
     if (dim() == 3 && (s.origin[0] < 0 || s.end()[0] < 0))
       throw InputError("a wall in 3D is the meridian (rho, z) of a surface of revolution: rho must not be negative");
-  Body next{parts, motion};
+  Body next{parts, to_json(parts), motion};
   check_coincidence(next);
   const Index body =
       std::visit([&]<int D>(Walls<D>& walls) { return walls.add(parts, motion_of<D>(motion, 0)); }, walls_);
   bodies_.push_back(std::move(next));
-  parts_.push_back(to_json(parts));
   return body;
 }
 
 void AnyWalls::check_coincidence(const Body& next) const {
-  for (std::size_t k = 0; k < bodies_.size(); ++k) {
-    if (bodies_[k].motion != next.motion) continue;
-    for (const WallSegment& one : bodies_[k].parts.segments)
+  const auto on_each_other = [&](const Body& body) {
+    if (body.motion != next.motion) return false;
+    for (const WallSegment& one : body.parts.segments)
       for (const WallSegment& other : next.parts.segments)
-        if (one.weight > 0 && other.weight > 0 && coincide(one, other))
-          throw InputError("the body would lie on body {} of the walls, and particles would feel both; leave one out",
-                           k);
-  }
+        if (one.weight > 0 && other.weight > 0 && coincide(one, other)) return true;
+    return body.record == next.record;
+  };
+  if (const auto found = std::ranges::find_if(bodies_, on_each_other); found != bodies_.end())
+    throw InputError("the body would lie on body {} of the walls, and particles would feel both; leave one out",
+                     found - bodies_.begin());
+}
+
+nlohmann::json AnyWalls::parts() const {
+  nlohmann::json all = nlohmann::json::array();
+  for (const Body& body : bodies_) all.push_back(body.record);
+  return all;
 }
 
 Index AnyWalls::polyline(const Array& points, const MotionArguments& motion) {
@@ -275,13 +280,10 @@ Index AnyWalls::half_space(const std::vector<Real>& point, const std::vector<Rea
         const Vec<D> n = vector_of<D>(normal, "normal");
         if (n.norm() == 0) throw InputError("the normal of a half-space is zero, and has no direction");
         const auto solid = Solid<D>::half_space(vector_of<D>(point, "point"), n);
-        const nlohmann::json record = to_json(solid);
-        for (std::size_t k = 0; k < bodies_.size(); ++k)
-          if (bodies_[k].motion == motion && parts_[k] == record)
-            throw InputError("the body is body {} of the walls once more; leave one out", k);
+        Body next{{}, to_json(solid), motion};
+        check_coincidence(next);
         const Index body = walls.add(solid, motion_of<D>(motion, 0));
-        bodies_.push_back({{}, motion});
-        parts_.push_back(record);
+        bodies_.push_back(std::move(next));
         return body;
       },
       walls_);

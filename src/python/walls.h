@@ -58,18 +58,18 @@ class AnyWalls {
   Index container(const Container& container);
   Index bodies() const;
   /// The parts of each body, for a WallRecord.
-  const nlohmann::json& parts() const { return parts_; }
+  nlohmann::json parts() const;
 
  private:
   Index add(const WallParts& parts, const MotionArguments& motion);
   struct Body {
     WallParts parts;  ///< empty for a solid
+    nlohmann::json record;
     MotionArguments motion;
   };
   void check_coincidence(const Body& next) const;
   std::variant<Walls<2>, Walls<3>> walls_;
   std::vector<Body> bodies_;
-  nlohmann::json parts_ = nlohmann::json::array();
 };
 
 }  // namespace pliant::python

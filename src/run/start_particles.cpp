@@ -414,8 +414,7 @@ void StartOption::report_energy(Simulation<D>& simulation, const std::string& co
   if (lift > large * std::max(height, Real(1)))
     warn(
         "-start {}: contacts store an energy that could lift all particles by {:.3g} sigma_avg, which becomes motion "
-        "and "
-        "heat; lower the contact energy ({}), or start from a frame with smaller overlaps",
+        "and heat; lower the contact energy ({}), or start from a frame with smaller overlaps",
         printable(file_), lift, contact_energy);
 }
 

@@ -119,9 +119,14 @@ def displacements(before, after, box=None):
     return np.where((before.active & after.active)[:, None], moved, np.nan)
 
 
+def _invertible(lattice):
+    """The lattice [D, D] with edges of length 1 in open directions, where its edges are zero."""
+    return lattice + np.diag(np.diag(lattice) == 0)
+
+
 def _strain_of_box(before, after):
     """[D, D] matrix M of the motion r → r M of vectors that follow the box from one lattice [D, D] to another; 1 in open directions."""
-    return np.linalg.solve(*(edges + np.diag(np.diag(edges) == 0) for edges in (before, after)))
+    return np.linalg.solve(_invertible(before), _invertible(after))
 
 
 def _lattices(before, after, box):
@@ -143,8 +148,7 @@ def _changes(before, after, neighbours, moved, box):
         return change
     place = before.unwrapped_centres if isinstance(before, Frame) else Particles.of(before, box=box).positions
     apart = neighbours.vectors - (place[neighbours.second] - place[neighbours.first])
-    edges = lattices[0] + np.diag(np.diag(lattices[0]) == 0)  # open directions
-    return change + np.round(np.linalg.solve(edges.T, apart.T).T) @ (lattices[1] - lattices[0])
+    return change + np.round(np.linalg.solve(_invertible(lattices[0]).T, apart.T).T) @ (lattices[1] - lattices[0])
 
 
 def _bundles(before, after, neighbours, box):
