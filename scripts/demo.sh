@@ -40,10 +40,11 @@ run() {  # folder, options …: one line when it is done, the program's message 
 export -f run say
 export build
 
-sweep() {  # systems …: lines for run, five widths of each
-  local system width
+sweep() {  # widths, systems …: lines for run, these widths of each
+  local widths=$1 system width
+  shift
   for system in "$@"; do
-    for width in 3 4 5 6 8; do
+    for width in $widths; do
       say "demo/$system/w$width ${options[$system]} -hopper_width $width -frame_interval 30"
     done
   done
@@ -51,13 +52,14 @@ sweep() {  # systems …: lines for run, five widths of each
 all() { xargs -P "$cores" -L 1 bash -c 'run "$@"' run; }
 
 say "Running five orifice widths of soft particles with friction, and with drag, on $cores core(s); about $((20 / cores + 5)) s:"
-sweep "${soft[@]}" | all
+sweep 6 "${soft[@]}" | all
 $plots/snapshot.py --panels demo/{soft-friction,soft-drag}/w6 -o demo/soft.png
+sweep "3 4 5 8" "${soft[@]}" | all
 
 say "The same of rough and smooth polygons, and a movie; about $((170 / cores + 20)) s:"
 {
-  sweep "${polygons[@]}"
-  say "demo/film ${options[smooth-drag]} -hopper_width 4 -t_end 20 -frame_interval 0.1"
+  sweep "3 4 5 6 8" "${polygons[@]}"
+  say "demo/film ${options[smooth-drag]} -hopper_width 4 -t_end 15 -frame_interval 0.1"
 } | all
 
 say "Drawing:"
