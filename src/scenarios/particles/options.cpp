@@ -10,6 +10,7 @@
 #include <pliant/base/errors.h>
 #include <pliant/geometry/mesh.h>
 #include <pliant/geometry/off_text.h>
+#include <pliant/run/options.h>
 
 namespace pliant {
 
