@@ -39,8 +39,10 @@ std::unique_ptr<ForceField<3>> rough_surfaces(ParameterReader& p, const Surround
   read_contact_law<HarmonicOverlap>(p);
   const auto contact = configured(p, PairContact<3>{0, "rough"}, contact_energy::deformable);
   const Fused<PairKernel, PairContact<3>, PairFriction<3>> pairs(contact, configured(p, PairFriction<3>{}));
+  const Fused<SimplexKernel<Elements::vertex_faces>, VertexFaceContact, SimplexFriction<Elements::vertex_faces>> faces(
+      configured(p, VertexFaceContact{0, Edges::bare}), SimplexFriction<Elements::vertex_faces>{0});
   const Fused<WallKernel, WallContact<3>> walls(configured(p, WallContact<3>{}));
-  return with_shape(p, s, pairs, walls);
+  return with_shape(p, s, pairs, faces, walls);
 }
 
 std::unique_ptr<ForceField<3>> smooth_surfaces(ParameterReader& p, const Surroundings<3>& s) {

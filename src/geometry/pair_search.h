@@ -53,10 +53,10 @@ void find_point_pairs(const PointCloud& cloud, const CellGrid<D>& grid, Real ski
   }
 }
 
-/// How wide the edges of polygons are: as their vertices are, or not at all.
+/// How wide the edges of polygons, and the faces of surfaces, are: as their vertices are, or not at all.
 enum class Edges { wide, bare };
 
-/// Distance at which a vertex touches an edge, from the contact diameters of the two polygons.
+/// Distance at which a vertex touches an edge or a face, from the contact diameters of the two particles.
 inline Real vertex_edge_reach(Edges edges, Real vertex, Real edge) {
   return (edges == Edges::wide ? vertex + edge : vertex) / 2;
 }

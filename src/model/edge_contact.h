@@ -39,21 +39,12 @@ struct EdgeContact {
 
   static constexpr Elements elements = Elements::vertex_edges;
   std::string_view name() const { return edges == Edges::wide ? "contact" : "edge"; }
-  /// Bare edges are as stiff as two disks that touch: ε/4 over half the distance.
   void read(ParameterReader& p) {
+    if (edges == Edges::bare) return read_bare_contact(p, epsilon, on);
     epsilon = p.number(contact_energy::deformable);
-    if (edges == Edges::wide) {
-      force = p.choice({.name = "edge_force",
-                        .help = "smooth: vertex-edge force / vertex-vertex force: 0.5 (single) or 2 (twofold)"},
-                       named<EdgeForce>({{"single", EdgeForce::single}, {"twofold", EdgeForce::twofold}}));
-      return;
-    }
-    epsilon /= 4;
-    on = p.choice({.name = "rough_contact",
-                   .help = "vertices touch vertices and edges, or vertices alone (literal) [H 9]",
-                   .printed = "literal",
-                   .role = Role::edge_contacts},
-                  named<bool>({{"edge", true}, {"literal", false}}));
+    force = p.choice(
+        {.name = "edge_force", .help = "smooth: vertex-edge force / vertex-vertex force: 0.5 (single) or 2 (twofold)"},
+        named<EdgeForce>({{"single", EdgeForce::single}, {"twofold", EdgeForce::twofold}}));
   }
 
   EdgeContactLaw kernel_law() const { return {epsilon, Law::kind, edge_weight(), vertex_weight()}; }

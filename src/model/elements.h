@@ -82,7 +82,7 @@ struct NeighbourNeeds {
   bool walls = false;
   bool lips = false;
   Real beyond_contact = 0;    ///< range of forces beyond the contact distance, for points and walls
-  Edges edges = Edges::wide;  ///< in vertex–edge contacts
+  Edges edges = Edges::wide;  ///< in contacts of vertices with edges and faces
   bool vertex_faces = false;
   bool edge_pairs = false;
   bool surface_parts() const { return vertex_faces || edge_pairs || lips; }
@@ -97,7 +97,7 @@ struct SearchSpace {
   const Walls<D>& walls;
   Real t;                ///< for walls that move
   Real margin;           ///< how far beyond the contact distance
-  Edges edges;           ///< in vertex–edge contacts
+  Edges edges;           ///< in contacts of vertices with edges and faces
   Real widest, longest;  ///< diameter of a point, edge
   const Topology& topology;
   const SurfaceBoxes& boxes;  ///< of closed surfaces, if the model needs their faces or edges
@@ -312,8 +312,10 @@ struct ElementKind<Elements::vertex_faces>
   /// Vertices of particle n and faces of particle m.
   template <class Found>
   static void test_faces(const SearchSpace<3>& s, Index n, Index m, Found&& found) {
-    find_vertex_faces(s.topology, s.boxes, s.cloud.x, s.margin, n, m,
-                      [&](const Pair& pair) { found(pair.first, pair.second, contact_distance(s.topology, m, n)); });
+    const Real contact = vertex_edge_reach(s.edges, s.topology.diameter[s.topology.offset[n]],
+                                           s.topology.diameter[s.topology.offset[m]]);
+    find_vertex_faces(s.topology, s.boxes, s.cloud.x, contact, s.margin, n, m, {},
+                      [&](const Pair& pair) { found(pair.first, pair.second, contact); });
   }
 };
 

@@ -8,6 +8,7 @@
 #include <pliant/base/errors.h>
 #include <pliant/base/large_pages.h>
 #include <pliant/base/parallel_errors.h>
+#include <pliant/geometry/simplex_distance.h>
 #include <pliant/kernels/edge_forces.h>
 #include <pliant/kernels/finite.h>
 #include <pliant/kernels/verlet.h>
@@ -203,66 +204,149 @@ void Neighbours<D>::build_own(const SearchSpace<D>& space) {
   list.start.insert(list.start.end(), n, list.size());  // nothing across
 }
 
+/// Elements of a vertex and a part of an outline or a surface, from the pairs of points: add(vertex, end, found)
+/// appends the elements of the vertex with the parts at the other point.
+template <int D>
+template <class Add>
+auto Neighbours<D>::from_points(Add&& add) const -> FoundParts {
+  const Index n = chunks();
+  FoundParts parts{std::vector<std::vector<Found>>(n), std::vector<std::vector<Found>>(n)};
+  ParallelErrors errors;
+#pragma omp parallel for schedule(dynamic, 1) if (n > 1)
+  for (Index c = 0; c < n; ++c) {
+    const auto add_all = [&](const Range& range, std::vector<Found>& found) {
+      for (Index e = range.first; e < range.last; ++e) {
+        add(point_pairs[e].first, point_pairs[e].second, found);
+        add(point_pairs[e].second, point_pairs[e].first, found);
+      }
+    };
+    errors.catch_from([&] {
+      add_all(point_pairs.inside(c), parts.inside[c]);
+      add_all(point_pairs.across(c), parts.across[c]);
+    });
+  }
+  errors.rethrow();
+  return parts;
+}
+
+/// i, j: points of the particles that the element joins.
+template <int D>
+void Neighbours<D>::add_to(FoundParts& parts, Index i, Index j, const Found& found) const {
+  const Index home = chunk_of(i), away = chunk_of(j);
+  if (home >= 0) (home == away ? parts.inside : parts.across)[home].push_back(found);
+  if (away >= 0 && away != home) parts.across[away].push_back(found);
+}
+
+template <int D>
+void Neighbours<D>::fill(PairList& list, const FoundParts& parts) {
+  list.clear();
+  for (const auto* half : {&parts.inside, &parts.across})
+    for (const std::vector<Found>& part : *half) {
+      for (const Found& found : part) {
+        list.pairs.push_back(found.pair);
+        list.reach.push_back(found.reach);
+      }
+      list.start.push_back(list.size());
+    }
+}
+
 /// Vertices and bare edges, from the pairs of points: a vertex near an edge is listed with the nearer end of the edge.
 /// Edges that are too long for this rule need the search.
 template <int D>
-void Neighbours<D>::build_from_points(const Topology& topology, const PointCloud& cloud) requires(D == 2) {
-  const Index n = chunks();
+void Neighbours<D>::build_bare_edges(const Topology& topology, const PointCloud& cloud) requires(D == 2) {
   const Real margin = this->margin();
-  Real narrowest = std::numeric_limits<Real>::infinity();
-  for (const Real d : topology.diameter) narrowest = std::min(narrowest, d);
+  const Real narrowest = *std::ranges::min_element(topology.diameter);
   const auto at = [&](Index i) { return point<2>(cloud.x, i); };
   const auto d2 = [&](Index i, Index j) { return (at(i) - at(j)).squaredNorm(); };
   // Of a vertex within δ_j/2 + margin of the edge, the nearer end is within (δ_i + δ_j)/2 + margin up to this length.
   const auto is_long = [&](Real length2, Real diameter) {
     return length2 > (1 - 1e-9) * diameter * (2 * narrowest + diameter + 4 * margin);
   };
-  std::vector<std::vector<Found>> inside(n), across(n);
-  ParallelErrors errors;
-#pragma omp parallel for schedule(dynamic, 1) if (n > 1)
-  for (Index c = 0; c < n; ++c) {
-    const auto add_edges = [&](const Range& range, std::vector<Found>& found) {
-      const auto add = [&](Index vertex, Index edge) {
-        if (is_long(d2(edge, topology.next[edge]), topology.diameter[edge])) return;
-        const Real reach = vertex_edge_reach(Edges::bare, topology.diameter[vertex], topology.diameter[edge]);
-        if (segment_foot(at(vertex), at(edge), at(topology.next[edge])).d2 < square(reach + margin))
-          found.push_back({{vertex, edge}, reach});
-      };
-      const auto add_both = [&](Index vertex, Index end) {
-        const Real near = d2(vertex, end);
-        if (near <= d2(vertex, topology.next[end])) add(vertex, end);
-        if (near < d2(vertex, topology.previous[end])) add(vertex, topology.previous[end]);
-      };
-      for (Index e = range.first; e < range.last; ++e) {
-        add_both(point_pairs[e].first, point_pairs[e].second);
-        add_both(point_pairs[e].second, point_pairs[e].first);
-      }
+  FoundParts parts = from_points([&](Index vertex, Index end, std::vector<Found>& found) {
+    const auto add = [&](Index edge) {
+      if (is_long(d2(edge, topology.next[edge]), topology.diameter[edge])) return;
+      const Real reach = vertex_edge_reach(Edges::bare, topology.diameter[vertex], topology.diameter[edge]);
+      if (segment_foot(at(vertex), at(edge), at(topology.next[edge])).d2 < square(reach + margin))
+        found.push_back({{vertex, edge}, reach});
     };
-    errors.catch_from([&] {
-      add_edges(point_pairs.inside(c), inside[c]);
-      add_edges(point_pairs.across(c), across[c]);
-    });
-  }
-  errors.rethrow();
+    const Real near = d2(vertex, end);
+    if (near <= d2(vertex, topology.next[end])) add(end);
+    if (near < d2(vertex, topology.previous[end])) add(topology.previous[end]);
+  });
   if constexpr (D == 2)  // Clang 14 compiles this for D = 3 too, despite the requires clause.
     if (is_long(square(longest_), narrowest))
       for (Index i = 0; i < topology.points(); ++i) {
         if (!is_long(d2(i, topology.next[i]), topology.diameter[i])) continue;
         find_vertex_edge_pairs(cloud, grid_, Edges::bare, margin, widest_, i, i + 1, [&](Index j, Index, Real reach) {
-          const Index home = chunk_of(i), away = chunk_of(j);
-          if (home >= 0) (home == away ? inside : across)[home].push_back({{j, i}, reach});
-          if (away >= 0 && away != home) across[away].push_back({{j, i}, reach});
+          add_to(parts, i, j, {{j, i}, reach});
         });
       }
-  vertex_edges.clear();
-  for (auto* parts : {&inside, &across})
-    for (const std::vector<Found>& part : *parts) {
-      for (const Found& found : part) {
-        vertex_edges.pairs.push_back(found.pair);
-        vertex_edges.reach.push_back(found.reach);
+  fill(vertex_edges, parts);
+}
+
+/// Vertices and bare faces, from the pairs of points: a vertex near a face is listed with the nearest corner of the
+/// face. Faces that are too large for this rule need the search.
+template <int D>
+void Neighbours<D>::build_bare_faces(const Topology& topology, const Real* x) requires(D == 3) {
+  const Real margin = this->margin();
+  const Real narrowest = *std::ranges::min_element(topology.diameter);
+  const auto at = [&](Index i) { return point<3>(x, i); };
+  const auto d2 = [&](Index i, Index j) { return (at(i) - at(j)).squaredNorm(); };
+  const auto longest2 = [&](const std::array<Index, 3>& r) {
+    return std::max({d2(r[0], r[1]), d2(r[1], r[2]), d2(r[2], r[0])});
+  };
+  // Every place of a face is within longest/√3 of a corner. Of a vertex within δ_j/2 + margin of the face, the nearest
+  // corner is therefore within (δ_i + δ_j)/2 + margin up to this length.
+  const auto is_large = [&](Real length2, Real diameter) {
+    return length2 > (1 - 1e-9) * 0.75 * diameter * (2 * narrowest + diameter + 4 * margin);
+  };
+  std::vector<Real> around(
+      static_cast<std::size_t>(topology.points()));  // squared longest edge of the faces at a point
+  std::vector<std::uint8_t> has_large(static_cast<std::size_t>(topology.particles()));
+#pragma omp parallel for if (chunks() > 1)
+  for (Index m = 0; m < topology.particles(); ++m) {
+    const Index first = topology.offset[m];
+    for (const auto& [a, b, c] : topology.surfaces->of(topology, m).faces) {
+      const Real length2 = longest2({first + a, first + b, first + c});
+      if (is_large(length2, topology.diameter[first])) {
+        has_large[m] = 1;
+        continue;
       }
-      vertex_edges.start.push_back(vertex_edges.size());
+      for (const Index corner : {a, b, c}) around[first + corner] = std::max(around[first + corner], length2);
     }
+  }
+  FoundParts parts = from_points([&](Index vertex, Index end, std::vector<Found>& found) {
+    const Index m = topology.particle[end];
+    const Real reach = vertex_edge_reach(Edges::bare, topology.diameter[vertex], topology.diameter[end]);
+    const Real near = d2(vertex, end), range2 = square(reach + margin);
+    if (near > (1 + 1e-9) * (range2 + around[end] / 3)) return;
+    const std::vector<Face>& faces = topology.surfaces->of(topology, m).faces;
+    for (std::size_t k = 0; k < faces.size(); ++k) {
+      const Index face = first_face(topology, m) + static_cast<Index>(k);
+      const std::array<Index, 3> corners = points_of_face(topology, face);
+      const auto own = std::ranges::find(corners, end);
+      if (own == corners.end() || is_large(longest2(corners), topology.diameter[end])) continue;
+      const bool nearest = std::all_of(corners.begin(), own, [&](Index i) { return near < d2(vertex, i); }) &&
+                           std::all_of(own, corners.end(), [&](Index i) { return near <= d2(vertex, i); });
+      const FourPoints r{at(vertex), at(corners[0]), at(corners[1]), at(corners[2])};
+      if (nearest && VertexOnFace(r).d2() < range2) found.push_back({{vertex, face}, reach});
+    }
+  });
+  for (Index m = 0; m < topology.particles(); ++m) {
+    if (has_large[m] == 0) continue;
+    const Index first = topology.offset[m];
+    const auto large = [&](Index k) {
+      return is_large(longest2(points_of_face(topology, first_face(topology, m) + k)), topology.diameter[first]);
+    };
+    boxes_.for_each_near(topology, m, {}, [&](Index n) {
+      const Real reach =
+          vertex_edge_reach(Edges::bare, topology.diameter[topology.offset[n]], topology.diameter[first]);
+      find_vertex_faces(topology, boxes_, x, reach, margin, n, m, large, [&](const Pair& pair) {
+        add_to(parts, first, pair.first, {pair, reach});
+      });
+    });
+  }
+  fill(vertex_faces, parts);
 }
 
 template <int D>
@@ -300,9 +384,11 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
     if (needs_.surface_parts() && topology.surfaces) boxes_.build(topology, x, margin());
   for_each_list([&]<class Kind>(Kind) {
     if (!(needs_.*Kind::need)) return;
-    if constexpr (D == 2) {
+    if (needs_.point_pairs && needs_.edges == Edges::bare) {
       if constexpr (std::is_same_v<Kind, ElementKind<Elements::vertex_edges>>)
-        if (needs_.point_pairs && needs_.edges == Edges::bare) return build_from_points(topology, space.cloud);
+        return build_bare_edges(topology, space.cloud);
+      if constexpr (std::is_same_v<Kind, ElementKind<Elements::vertex_faces>>)
+        if (topology.surfaces) return build_bare_faces(topology, x);
     }
     if constexpr (Kind::paired)
       build_pairs<Kind>(space);

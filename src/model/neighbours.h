@@ -135,7 +135,16 @@ class Neighbours : public NeighbourLists {
   void build_own(const SearchSpace<D>& space);
   template <class Kind, class Add>
   void narrow_simplices(const Topology& topology, const Real* x, Real range, Add&& add_near, NearSimplices& near);
-  void build_from_points(const Topology& topology, const PointCloud& cloud) requires(D == 2);
+  /// Elements inside each chunk, and across the border of each chunk.
+  struct FoundParts {
+    std::vector<std::vector<Found>> inside, across;
+  };
+  template <class Add>
+  FoundParts from_points(Add&& add) const;
+  void add_to(FoundParts& parts, Index i, Index j, const Found& found) const;
+  static void fill(PairList& list, const FoundParts& parts);
+  void build_bare_edges(const Topology& topology, const PointCloud& cloud) requires(D == 2);
+  void build_bare_faces(const Topology& topology, const Real* x) requires(D == 3);
 
   NeighbourNeeds needs_;
   Real skin_;

@@ -35,6 +35,17 @@ inline constexpr Parameter disk{.name = "e_disk",
                                 .role = Role::contact_energy};
 }  // namespace contact_energy
 
+/// Of rough particles: whether vertices touch edges (3D: faces) without width, too. Such a contact is as stiff as a
+/// contact of two vertices: ε/4 over half the distance.
+inline void read_bare_contact(ParameterReader& p, Real& epsilon, bool& on) {
+  epsilon = p.number(contact_energy::deformable) / 4;
+  on = p.choice({.name = "rough_contact",
+                 .help = "vertices touch vertices and edges (3D: faces), or vertices alone (literal) [H 9]",
+                 .printed = "literal",
+                 .role = Role::edge_contacts},
+                named<bool>({{"edge", true}, {"literal", false}}));
+}
+
 /// U = Σ_pairs V(r), r the distance of the points and V of range δ_mn = (δ_m + δ_n)/2, the mean of the contact
 /// diameters, by one of the laws in contact_law.h; harmonic: ε/2 (1 − r/δ_mn)² Θ(1 − r/δ_mn), with the force
 /// ε/δ_mn (1 − r/δ_mn) r̂ on the first point. Elements: neighbour list of points.

@@ -1,4 +1,5 @@
-// Contact between the vertices, edges and faces of smooth deformable particles in space.
+// Contact between the vertices, edges and faces of deformable particles in space: smooth ones, and rough ones with
+// stretched faces.
 #pragma once
 
 #include <algorithm>
@@ -277,18 +278,25 @@ inline MotionRates vibration(Real stiffness) {
 
 /// A vertex v of one surface against another surface:
 ///   U_v = Σ_f V(d(v, f)) − Σ_e V(d(v, e)) + ½ Σ_u V(|v − u|)
-/// over its closed faces, edges and vertices, with V(d) = ε/2 (1 − d/δ)² for d < δ, δ the mean of the widths of the
-/// particles. Where the surface is convex, only V of the distance to the surface is left, or ½ V if a vertex is
-/// nearest, which counts in both directions; U_v is C¹. Both directions count, and linear and angular momentum are
-/// conserved. The distance is unsigned: surfaces that have pierced each other are an error state (surface_crossing.h).
-/// Elements: neighbour list of vertices and faces.
+/// over its closed faces, edges and vertices, with V(d) = ε/2 (1 − d/δ)² for d < δ, and δ the mean of the widths of the
+/// particles (smooth), or the radius of the sphere of vertex v and faces without width (rough). Where the surface is
+/// convex, only V of the distance to the surface is left, or ½ V if a vertex is nearest, which counts in both
+/// directions; U_v is C¹. Both directions count, and linear and angular momentum are conserved. The distance is
+/// unsigned: surfaces that have pierced each other are an error state (surface_crossing.h). Elements: neighbour list of
+/// vertices and faces.
 struct VertexFaceContact {
   Real epsilon;
+  Edges edges = Edges::wide;  ///< and faces
+  bool on = true;
 
   static constexpr Elements elements = Elements::vertex_faces;
-  static std::string_view name() { return "contact_vertex"; }
-  void read(ParameterReader& p) { epsilon = p.number(contact_energy::deformable); }
-  static bool enabled(const StateView<3>&) { return true; }
+  std::string_view name() const { return edges == Edges::wide ? "contact_vertex" : "face"; }
+  void read(ParameterReader& p) {
+    if (edges == Edges::bare) return read_bare_contact(p, epsilon, on);
+    epsilon = p.number(contact_energy::deformable);
+  }
+  bool enabled(const StateView<3>&) const { return on; }
+  bool off() const { return !on; }
 
   Real energy(const StateView<3>& s, Index e) const {
     const VertexFace pair(s, e);
@@ -317,14 +325,21 @@ struct VertexFaceContact {
     c = contact_at(s, pair.points, 1, *touching, {epsilon, pair.delta});
     return true;
   }
-  /// Two vertices against each other: ω² = 2 V''/m.
+  /// Two vertices against each other: ω² = 2 V''/m. Bare faces: a vertex at the middle of an edge, 3/2 V''/m; the
+  /// spheres of vertices keep vertices farther apart.
   Real max_rate(const Topology& topology) const {
-    return std::sqrt(2 * epsilon / smallest_over_points(topology, [&](Index i) {
-                       return square(topology.diameter[i]) * topology.mass(i);
+    if (!on) return 0;
+    const Real worst = edges == Edges::wide ? 2 : 1.5;
+    return std::sqrt(worst * epsilon / smallest_over_points(topology, [&](Index i) {
+                       const Real delta = topology.diameter[i];
+                       return square(vertex_edge_reach(edges, delta, delta)) * topology.mass(i);
                      }));
   }
-  /// Surfaces that lie flat on each other: a vertex touches a face, and its own faces touch several vertices.
-  MotionRates crowded(const Topology& topology) const { return vibration(3 * square(max_rate(topology))); }
+  /// Surfaces that lie flat on each other: a vertex touches a face, and its own faces touch several vertices. Bare
+  /// faces touch few vertices.
+  MotionRates crowded(const Topology& topology) const {
+    return vibration((edges == Edges::wide ? 3 : 1) * square(max_rate(topology)));
+  }
 };
 
 /// The parameter of the mollifier.

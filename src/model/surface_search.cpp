@@ -93,9 +93,9 @@ void SurfaceBoxes::build(const Topology& topology, const Real* x, Real margin) {
   grid_.build(centres.data(), widths.data(), n, mean + margin, [&](Index m) { return topology.active[m] != 0; });
 }
 
-void find_vertex_faces(const Topology& t, const SurfaceBoxes& boxes, const Real* x, Real margin, Index n, Index m,
-                       const FoundPair& found) {
-  const Real contact = contact_distance(t, m, n), range = contact + margin;
+void find_vertex_faces(const Topology& t, const SurfaceBoxes& boxes, const Real* x, Real contact, Real margin, Index n,
+                       Index m, const std::function<bool(Index)>& wanted, const FoundPair& found) {
+  const Real range = contact + margin;
   collect(
       static_cast<std::size_t>(t.points_of(n)), t.offset[n], x, t.offset[n], enlarged(boxes.of(m), range),
       [](std::size_t k) { return std::array{static_cast<Index>(k)}; }, first_parts);
@@ -104,6 +104,7 @@ void find_vertex_faces(const Topology& t, const SurfaceBoxes& boxes, const Real*
   collect(
       faces.size(), first_face(t, m), x, t.offset[m], enlarged(boxes.of(n), range),
       [&](std::size_t k) { return faces[k]; }, second_parts);
+  if (wanted) std::erase_if(second_parts, [&](const Near& face) { return !wanted(face.number - first_face(t, m)); });
   const auto points = [&](Index vertex, Index face) {
     const auto [a, b, c] = points_of_face(t, face);
     return std::array{vertex, a, b, c};

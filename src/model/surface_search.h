@@ -52,9 +52,10 @@ class SurfaceBoxes {
 
 using FoundPair = std::function<void(const Pair&)>;
 
-/// The pairs (vertex of n, face of m) that are nearer to each other than the contact distance + margin. x [points · 3].
-void find_vertex_faces(const Topology& topology, const SurfaceBoxes& boxes, const Real* x, Real margin, Index n,
-                       Index m, const FoundPair& found);
+/// The pairs (vertex of n, face of m) that are nearer to each other than contact + margin. x [points · 3]. wanted(k):
+/// for which faces, by their numbers in m; empty: for all.
+void find_vertex_faces(const Topology& topology, const SurfaceBoxes& boxes, const Real* x, Real contact, Real margin,
+                       Index n, Index m, const std::function<bool(Index)>& wanted, const FoundPair& found);
 /// The pairs (edge of m, edge of n) that are as near.
 void find_edge_pairs(const Topology& topology, const SurfaceBoxes& boxes, const Real* x, Real margin, Index m, Index n,
                      const FoundPair& found);

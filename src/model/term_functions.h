@@ -95,7 +95,7 @@ class TermFunctionsOf final : public TermFunctions<D> {
   void add_needs(NeighbourNeeds& needs, std::optional<Edges>& edges) const override {
     if constexpr (Kind::listed) needs.*Kind::need |= !is_off();
     if constexpr (requires { term_.range(); }) needs.beyond_contact = std::max(needs.beyond_contact, term_.range());
-    if constexpr (T::elements == Elements::vertex_edges) {
+    if constexpr (T::elements == Elements::vertex_edges || T::elements == Elements::vertex_faces) {
       const std::optional<Edges> own = this->edges();
       if (edges && own && *edges != *own)
         throw std::logic_error("terms of one model ask for wide and for bare edges, but there is one list of them");

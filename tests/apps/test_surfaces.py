@@ -124,7 +124,7 @@ def test_soft_particles_that_pierce_each_other_end_the_run(tmp_path):
 
 @pytest.mark.parametrize("change, words", [
     ({"n_vertices": 16}, ["16", "12, 42, 162"]), ({"n_vertices": 2}, ["-n_vertices 2"]), ({"shape_parameter": 1.01}, ["1.01", "1.024"]),
-    ({"model": "smooth", "edge_width": 0.6}, ["-edge_width 0.6", "0.5"]), ({"mollifier_s0": 0.1}, ["-mollifier_s0", "rough"]), ({"bending_edges": "full"}, ["-bending_edges", "3D"]), ({"rough_contact": "edge"}, ["-rough_contact", "3D"]),
+    ({"model": "smooth", "edge_width": 0.6}, ["-edge_width 0.6", "0.5"]), ({"mollifier_s0": 0.1}, ["-mollifier_s0", "rough"]), ({"bending_edges": "full"}, ["-bending_edges", "3D"]), ({"model": "smooth", "rough_contact": "edge"}, ["-rough_contact", "smooth"]),
     ({"dim": 2, "k_v": 1}, ["-k_v", "2D"]), ({"k_v": -1}, ["-k_v"]), ({"frame_fields": "area"}, ["area", "polygons"])])
 def test_bad_options_are_refused(change, words, tmp_path):
     result = pliant("hopper", output=tmp_path / "run", **{**SURFACES, **change})

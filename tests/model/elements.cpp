@@ -187,7 +187,10 @@ TEST_CASE("the lists of a model follow from its terms") {
     if (row.kind == ModelKind::sp || row.kind == ModelKind::bubble) CHECK(needs_of<3>(row.kind, row.p) == row.lists);
   }
   CHECK(alone<2>()->needs() == NeighbourNeeds{});
-  CHECK(needs_of<3>(ModelKind::rough) == soft);
+  CHECK(needs_of<3>(ModelKind::rough) ==
+        NeighbourNeeds{.point_pairs = true, .walls = true, .edges = Edges::bare, .vertex_faces = true});
+  CHECK(needs_of<3>(ModelKind::rough, {.rough_edges = false}) ==
+        NeighbourNeeds{.point_pairs = true, .walls = true, .edges = Edges::bare});
   CHECK(needs_of<3>(ModelKind::smooth) ==
         NeighbourNeeds{.walls = true, .lips = true, .vertex_faces = true, .edge_pairs = true});
 }

@@ -443,8 +443,12 @@ class HopperProtocol final : public Protocol<D> {
   void check_shapes() requires(D == 3) {
     self_crossings_ = check_surfaces(
         this->simulation().view(), ranks(),
-        {.contacts = fmt::format("stiffen the contacts ({}, now {:g})", p_.model.option(Role::contact_energy),
-                                 p_.model.value(Role::contact_energy)),
+        {.contacts =
+             fmt::format("stiffen the contacts ({}, now {:g}){}", p_.model.option(Role::contact_energy),
+                         p_.model.value(Role::contact_energy),
+                         p_.model.choice(Role::edge_contacts) == "literal"
+                             ? fmt::format(", let vertices touch faces ({} edge)", p_.model.option(Role::edge_contacts))
+                             : ""),
          .shape =
              fmt::format("raise {}, or {}", p_.model.options({Role::area, Role::perimeter, Role::bending}), shorten()),
          .self_crossing = "; -self_crossing count continues the run, but volumes of such particles are wrong",
