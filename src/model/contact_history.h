@@ -2,8 +2,10 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <span>
 #include <string>
 #include <string_view>
@@ -194,6 +196,18 @@ class ContactWorkspace {
           values_(workspace.next_.values.data()) {}
     /// Whether there is a contact, as was written last.
     PLIANT_INLINE bool touches(Index e) const { return touches_[contact_of(e)] != 0; }
+    /// Bit k: whether element e + k touches, of 64 elements.
+    PLIANT_INLINE std::uint64_t touch_bits(Index e) const {
+      static_assert(!Shared);
+      std::uint64_t all = 0;
+      for (int k = 0; k < 64; k += 8) {
+        std::uint64_t eight;  // bytes of 0 or 1, the first of which is to be the lowest
+        std::memcpy(&eight, touches_ + e + k, sizeof eight);
+        if constexpr (std::endian::native == std::endian::big) eight = __builtin_bswap64(eight);
+        all |= (eight * 0x0102040810204080) >> 56 << k;  // the product gathers the eight bits in its highest byte
+      }
+      return all;
+    }
     /// Element e touches: its numbers, to be written.
     PLIANT_INLINE Real* set(Index e) const {
       touches_[contact_of(e)] = 1;

@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cstddef>
+#include <cstdint>
 
 #include <pliant/base/simd.h>
 #include <pliant/base/vector3.h>
@@ -75,19 +77,31 @@ struct FourPairs {
   }
   /// Vectors in space, of arrays x0 y0 z0 x1 … .
   PLIANT_INLINE static Vector3<simd::Real4> gather3(const Real* a, const std::array<std::ptrdiff_t, 4>& at) {
-    simd::Real2 xy[4];
-    for (int k = 0; k < 4; ++k) xy[k] = simd::load2(a + 3 * at[k]);
-    const simd::Points2 p = simd::transpose(xy[0], xy[1], xy[2], xy[3]);
-    return {p.x, p.y, simd::Real4{a[3 * at[0] + 2], a[3 * at[1] + 2], a[3 * at[2] + 2], a[3 * at[3] + 2]}};
+    simd::Real2 xy[4], yz[4];
+    for (int k = 0; k < 4; ++k) xy[k] = simd::load2(a + 3 * at[k]), yz[k] = simd::load2(a + 3 * at[k] + 1);
+    return joined(xy, yz);
   }
-  // a_first − a_second
+  /// a_first − a_second, in the plane and in space.
   PLIANT_INLINE simd::Points2 differences(const Real* a) const {
     simd::Real2 u[4];
     for (int k = 0; k < 4; ++k) u[k] = simd::load2(a + 2 * first[k]) - simd::load2(a + 2 * second[k]);
     return simd::transpose(u[0], u[1], u[2], u[3]);
   }
   PLIANT_INLINE Vector3<simd::Real4> differences3(const Real* a) const {
-    return gather3(a, first) - gather3(a, second);
+    simd::Real2 xy[4], yz[4];
+    for (int k = 0; k < 4; ++k) {
+      xy[k] = simd::load2(a + 3 * first[k]) - simd::load2(a + 3 * second[k]);
+      yz[k] = simd::load2(a + 3 * first[k] + 1) - simd::load2(a + 3 * second[k] + 1);
+    }
+    return joined(xy, yz);
+  }
+
+ private:
+  /// Four vectors, of which (x, y) and (y, z) have been read.
+  PLIANT_INLINE static Vector3<simd::Real4> joined(const simd::Real2* xy, const simd::Real2* yz) {
+    const simd::Points2 p = simd::transpose(xy[0], xy[1], xy[2], xy[3]),
+                        q = simd::transpose(yz[0], yz[1], yz[2], yz[3]);
+    return {p.x, p.y, q.y};
   }
 };
 
@@ -99,27 +113,28 @@ PLIANT_INLINE Index find_touching(const StateView<D>& s, Range range, const Cont
   const PairList& list = s.neighbours.point_pairs;
   const Pair* const pairs = list.pairs.data();
   const Real *const reach = list.reach.data(), *const x = s.x;
-  Index touching = 0;
-  const auto take = [&](Index e, Index near) PLIANT_INLINE_LAMBDA {
-    elements[touching] = e;  // else overwritten by the next element
-    touching += near;
-    if (Index(next.touches(e)) > near) next.clear(e);
-  };
-  Index e = range.first;
+  Index touching = 0, e = range.first;
   if constexpr (D == 3)
-    for (; e + 4 <= range.last; e += 4) {
-      const FourPairs at(pairs + e);
-      const Vector3<simd::Real4> r = at.differences3(x);
-      const simd::Real4 d2 = dot(r, r), most = simd::load4(reach + e);
-      const simd::Mask4 near = (d2 < most * most) & (d2 > 0);
-      for (Index k = 0; k < 4; ++k) take(e + k, -static_cast<Index>(near[k]));
+    for (; e + 64 <= range.last; e += 64) {
+      std::uint64_t near = 0;
+      for (Index k = 0; k < 64; k += 4) {
+        const Vector3<simd::Real4> r = FourPairs(pairs + e + k).differences3(x);
+        const simd::Real4 d2 = dot(r, r), most = simd::load4(reach + e + k);
+        near |= std::uint64_t(simd::bits((d2 < most * most) & (d2 > 0))) << k;
+      }
+      for (std::uint64_t ended = next.touch_bits(e) & ~near; ended != 0; ended &= ended - 1)
+        next.clear(e + std::countr_zero(ended));
+      touching += simd::write_bits(near, e, elements + touching);
     }
   for (; e < range.last; ++e) {
     const std::ptrdiff_t i = D * std::ptrdiff_t(pairs[e].first), j = D * std::ptrdiff_t(pairs[e].second);
     const Real dx = x[i] - x[j], dy = x[i + 1] - x[j + 1];
     Real d2 = dx * dx + dy * dy;
     if constexpr (D == 3) d2 += square(x[i + 2] - x[j + 2]);
-    take(e, (d2 < square(reach[e])) & (d2 > 0));
+    const Index near = (d2 < square(reach[e])) & (d2 > 0);
+    elements[touching] = e;  // else overwritten by the next element
+    touching += near;
+    if (Index(next.touches(e)) > near) next.clear(e);
   }
   return touching;
 }
