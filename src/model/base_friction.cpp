@@ -22,6 +22,11 @@ namespace {
 /// Where eight disks are, and how fast. Pointers to the first of them.
 struct DisksOnBase {
   const Real *x, *angle, *v, *spin, *sigma, *mass;
+
+  PLIANT_INLINE DisksOnBase from(Index i) const {
+    const std::ptrdiff_t two = 2 * std::ptrdiff_t(i);
+    return {x + two, angle + i, v + two, spin + i, sigma + i, mass + i};
+  }
 };
 
 struct Points8 {
@@ -159,49 +164,55 @@ struct EightOnBase {
   };
 };
 
+/// Eight disks, of which those after the first few are copies of the last.
+struct FewDisks {
+  std::array<Real, 16> x, v;
+  std::array<Real, 8> angle, spin, sigma, mass;
+
+  DisksOnBase fill(const DisksOnBase& first, Index count) {
+    for (Index k = 0; k < 8; ++k) {
+      const DisksOnBase d = first.from(std::min(k, count - 1));
+      for (Index c = 0; c < 2; ++c) x[2 * k + c] = d.x[c], v[2 * k + c] = d.v[c];
+      angle[k] = *d.angle, spin[k] = *d.spin, sigma[k] = *d.sigma, mass[k] = *d.mass;
+    }
+    return {x.data(), angle.data(), v.data(), spin.data(), sigma.data(), mass.data()};
+  }
+};
+
+PLIANT_INLINE DisksOnBase disks(const StateView<2>& s) {
+  // Velocities may be missing where they are not needed.
+  return {s.x,
+          s.angles,
+          s.v != nullptr ? s.v : s.x,
+          s.spins != nullptr ? s.spins : s.angles,
+          s.topology.diameter.data(),
+          s.topology.point_mass.data()};  // particles have one point each
+}
+
 /// visit(first, count, disks) for eight disks of a range at a time. Fewer, four or the rest, are filled up
 /// with copies of the last: four make the same bits as if they were half of eight.
 template <class Visit>
 PLIANT_INLINE void for_each_eight(const StateView<2>& s, Range range, Visit&& visit) {
-  // Velocities may be missing where they are not needed.
-  const DisksOnBase all{s.x,
-                        s.angles,
-                        s.v != nullptr ? s.v : s.x,
-                        s.spins != nullptr ? s.spins : s.angles,
-                        s.topology.diameter.data(),
-                        s.topology.point_mass.data()};  // particles have one point each
-  const auto from = [&](Index i) PLIANT_INLINE_LAMBDA {
-    const std::ptrdiff_t two = 2 * std::ptrdiff_t(i);
-    return DisksOnBase{all.x + two, all.angle + i, all.v + two, all.spin + i, all.sigma + i, all.mass + i};
-  };
+  const DisksOnBase all = disks(s);
   Index i = range.first;
-  for (; i + 8 <= range.last; i += 8) visit(i, 8, from(i));
-  std::array<Real, 16> x, v;
-  std::array<Real, 8> angle, spin, sigma, mass;
-  const auto fill = [&](Index count) {
-    for (Index k = 0; k < 8; ++k) {
-      const DisksOnBase d = from(i + std::min(k, count - 1));
-      for (Index c = 0; c < 2; ++c) x[2 * k + c] = d.x[c], v[2 * k + c] = d.v[c];
-      angle[k] = *d.angle, spin[k] = *d.spin, sigma[k] = *d.sigma, mass[k] = *d.mass;
-    }
-    return DisksOnBase{x.data(), angle.data(), v.data(), spin.data(), sigma.data(), mass.data()};
-  };
+  for (; i + 8 <= range.last; i += 8) visit(i, 8, all.from(i));
+  FewDisks few;
   if (i + 4 <= range.last) {
-    visit(i, 4, fill(4));
+    visit(i, 4, few.fill(all.from(i), 4));
     i += 4;
   }
-  if (i < range.last) visit(i, range.last - i, fill(range.last - i));
+  if (i < range.last) visit(i, range.last - i, few.fill(all.from(i), range.last - i));
 }
 
 /// Current histories of eight disks, and the mask of disks with a history: the other disks stick at their present
 /// place.
 struct PastOnBase {
   std::array<Real, 32> numbers;
-  Mask8 known;
+  Mask8 known = ~Mask8{};
 
   /// past(k): of each, null where nothing is known.
   template <class Past>
-  PastOnBase(const DisksOnBase& d, Past&& past) {
+  void gather(const DisksOnBase& d, Past&& past) {
     for (int k = 0; k < 8; ++k) {
       const Real* const of = past(k);
       (k < 4 ? known.a : known.b)[k % 4] = of != nullptr ? -1 : 0;
@@ -222,16 +233,14 @@ PLIANT_MULTIVERSION void add_range(const BaseFriction& base, const StateView<2>&
   Real4 damped{}, slid{};
   for_each_eight(s, range, [&](Index first, Index count, const DisksOnBase& d) PLIANT_INLINE_LAMBDA {
     EightOnBase eight(law);
-    const Real* const kept = past.all({first, first + count});
-    if (kept != nullptr && count == 8) {
-      eight.find(d, kept, ~Mask8{});
-    } else {
-      const PastOnBase some(d, [&](Index k) {
+    const Real* const kept = count == 8 ? past.all({first, first + count}) : nullptr;
+    PastOnBase gathered;
+    if (kept == nullptr)
+      gathered.gather(d, [&](Index k) {
         const Index i = first + std::min(k, count - 1);
         return past.touches(i) ? past(i) : nullptr;
       });
-      eight.find(d, some.numbers.data(), some.known);
-    }
+    eight.find(d, kept != nullptr ? kept : gathered.numbers.data(), gathered.known);
     transpose(eight.next);
     for (Index k = 0; k < count; ++k, next += 4) simd::store4(next, k < 4 ? eight.next[k].a : eight.next[k - 4].b);
     const auto add = [&](Real4& to, const Real8& all) PLIANT_INLINE_LAMBDA {
@@ -257,20 +266,21 @@ PLIANT_MULTIVERSION void add_range(const BaseFriction& base, const StateView<2>&
 
 PLIANT_MULTIVERSION void find_one(const BaseFriction& base, const StateView<2>& s, Index i, const Real* past,
                                   BaseFriction::Touch& c) {
-  for_each_eight(s, {i, i + 1}, [&](Index, Index, const DisksOnBase& d) PLIANT_INLINE_LAMBDA {
-    EightOnBase eight(base);
-    const PastOnBase some(d, [&](Index) { return past; });
-    eight.find(d, some.numbers.data(), some.known);
-    c = {{eight.next[0][0], eight.next[1][0], eight.next[2][0], eight.next[3][0]},
-         {eight.held_x[0], eight.held_y[0]},
-         eight.twist[0],
-         eight.lost[0],
-         eight.stiffness[0],
-         eight.gamma[0],
-         eight.most[0],
-         eight.radius[0],
-         i};
-  });
+  FewDisks few;
+  const DisksOnBase d = few.fill(disks(s).from(i), 1);
+  PastOnBase some;
+  some.gather(d, [&](Index) { return past; });
+  EightOnBase eight(base);
+  eight.find(d, some.numbers.data(), some.known);
+  c = {{eight.next[0][0], eight.next[1][0], eight.next[2][0], eight.next[3][0]},
+       {eight.held_x[0], eight.held_y[0]},
+       eight.twist[0],
+       eight.lost[0],
+       eight.stiffness[0],
+       eight.gamma[0],
+       eight.most[0],
+       eight.radius[0],
+       i};
 }
 
 PLIANT_MULTIVERSION void damp_one(const BaseFriction& base, const StateView<2>& s, const BaseFriction::Touch& c,
