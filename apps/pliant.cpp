@@ -1,4 +1,4 @@
 // Main program.
-#include <pliant/scenarios/table.h>
+#include <pliant/scenarios/program.h>
 
-int main(int argc, char** argv) { return pliant::run_program(argc, argv, pliant::all_scenarios()); }
+int main(int argc, char** argv) { return pliant::run_all_scenarios(argc, argv); }
