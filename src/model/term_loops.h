@@ -213,7 +213,7 @@ class TermLoops {
   [[gnu::noinline]] static Mat<D> virial(const T& term, const View& s, Index chunk) {
     VirialSum<D> gradients{s.x};
     if constexpr (is_energy && !has_torque<T>)
-      for_each_element(s, chunk, [&](Index e) { term.add_gradient(s, e, gradients); });
+      for_each_element(s, chunk, [&](Index e) { add_virial(term, s, e, gradients); });
     else
       throw InputError("the term {} has no virial: its forces depend on more than positions", term.name());
     return gradients.sum;
@@ -227,7 +227,7 @@ class TermLoops {
       const Range range = Of::inside(s, chunk);
       for (Index e = range.first; e < range.last; ++e) {
         VirialSum<D> gradients{s.x};
-        term.add_gradient(s, e, gradients);
+        add_virial(term, s, e, gradients);
         if constexpr (KindOf<T>::listed)
           sums[s.topology.particle[(s.neighbours.*KindOf<T>::list)[e].first]] += gradients.sum;
         else
@@ -238,7 +238,7 @@ class TermLoops {
       for (const Range range : {Of::inside(s, chunk), Of::across(s, chunk)})
         for (Index e = range.first; e < range.last; ++e) {
           VirialSum<D> gradients{s.x};
-          term.add_gradient(s, e, gradients);
+          add_virial(term, s, e, gradients);
           const Pair points = points_of_both(s, e);
           for (const Index i : {points.first, points.second})
             if (const Index m = s.topology.particle[i]; own.contains(m)) sums[m] += gradients.sum / 2;
@@ -259,7 +259,7 @@ class TermLoops {
       const CurrentHistory current(s, term);
       for_each_element(s, chunk, [&](Index e) {
         typename T::Touch c;
-        sum += term.find(s, e, current(e), c) ? term.power(s, c) : 0;
+        sum += find(term, s, e, current(e), c) ? term.power(s, c) : 0;
       });
     } else {
       for_each_element(s, chunk, [&](Index e) { sum += term.power(s, e); });
@@ -298,7 +298,7 @@ class TermLoops {
           if constexpr (is_energy) {
             add_hessian(term, s, e, elastic, PreStress::kept);
           } else {
-            term.add_dforce_dv(s, e, damping);
+            add_dforce_dv(term, s, e, damping);
             if constexpr (depends_on_x<T, D>) term.add_dforce_dx(s, e, moved);
           }
     }
@@ -314,7 +314,7 @@ class TermLoops {
         if constexpr (is_energy)
           add_hessian(term, s, e, h, pre_stress);
         else
-          term.add_dforce_dv(s, e, h);
+          add_dforce_dv(term, s, e, h);
       });
   }
 
@@ -362,7 +362,7 @@ class TermLoops {
         const CurrentHistory current(s, term);
         add([&](Index e) -> Vec<D> {
           typename T::Touch c;
-          return term.find(s, e, current(e), c) ? term.force(s, c) : Vec<D>(Vec<D>::Zero());
+          return find(term, s, e, current(e), c) ? term.force(s, c) : Vec<D>(Vec<D>::Zero());
         });
       }
     }
@@ -374,7 +374,18 @@ class TermLoops {
     return KindOf<T>::points_of_both((s.neighbours.*KindOf<T>::list)[e]);
   }
 
-  /// Compiled once for all loops over second derivatives.
+  // Compiled once for all loops that call them: loops that no step needs.
+
+  template <class Touch>
+  [[gnu::noinline]] static bool find(const T& term, const View& s, Index e, std::span<const Real> past, Touch& c) {
+    return term.find(s, e, past, c);
+  }
+  [[gnu::noinline]] static void add_virial(const T& term, const View& s, Index e, VirialSum<D>& sum) {
+    term.add_gradient(s, e, sum);
+  }
+  [[gnu::noinline]] static void add_dforce_dv(const T& term, const View& s, Index e, BlockSink<D>& h) {
+    term.add_dforce_dv(s, e, h);
+  }
   [[gnu::noinline]] static void add_hessian(const T& term, const View& s, Index e, BlockSink<D>& h,
                                             PreStress pre_stress) {
     if constexpr (drops_pre_stress<T, D>)
@@ -390,7 +401,7 @@ class TermLoops {
       const CurrentHistory current(s, term);
       visit([&](Index e) {
         typename T::Touch c;
-        return term.find(s, e, current(e), c) ? term.energy(s, c) : 0;
+        return find(term, s, e, current(e), c) ? term.energy(s, c) : 0;
       });
     } else {
       visit([&](Index e) { return term.energy(s, e); });
@@ -404,7 +415,7 @@ class TermLoops {
       const CurrentHistory current(s, term);
       visit([&](Index e, auto& sink) {
         typename T::Touch c;
-        if (term.find(s, e, current(e), c)) term.add_force(s, c, sink);
+        if (find(term, s, e, current(e), c)) term.add_force(s, c, sink);
       });
     } else {
       visit([&](Index e, auto& sink) {
