@@ -55,6 +55,10 @@ struct StateView {
   }
 };
 
+/// Of the own points, with their rotations.
+template <int D>
+Real kinetic_energy(const StateView<D>& s);
+
 /// The point at which an element across the border of a chunk counts, in the chunk that has it: the first one of the
 /// particle that Topology::counts_for names.
 template <Elements E, int D>

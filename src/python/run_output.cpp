@@ -212,7 +212,7 @@ void RunOutput<D>::write_sample(Simulation<D>& simulation, EnergyAudit<D>& audit
                                {"dt", taken.steps > 0 ? taken.last_dt : simulation.integrator().next_dt()}};
   Real energy = 0;
   if (simulation.overdamped() == nullptr) {
-    for (Index i = 0; i < s.topology.owned_points(); ++i) energy += s.kinetic_energy(i);
+    energy = kinetic_energy(s);
     row.emplace_back("kinetic_energy", energy);
   }
   for (const TermReport& term : simulation.particles().field().report(s))

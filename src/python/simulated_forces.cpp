@@ -48,9 +48,7 @@ py::dict Simulated<D>::energies() {
   for (const TermReport& term : field_->report(s))
     if (term.has_energy) d[py::str(term.name)] = term.energy;
   if (overdamped()) return d;
-  Real kinetic = 0;
-  for (Index i = 0; i < s.topology.owned_points(); ++i) kinetic += s.kinetic_energy(i);
-  d["kinetic"] = kinetic;
+  d["kinetic"] = kinetic_energy(s);
   return d;
 }
 

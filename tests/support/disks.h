@@ -295,14 +295,6 @@ inline std::vector<Real> random_numbers(Random& random, std::size_t n, Real most
   return values;
 }
 
-/// Kinetic energy, energy of the model and heat of sliding, of this rank's share.
-template <int D>
-Real kinetic_energy(const StateView<D>& s) {
-  Real sum = 0;
-  for (Index i = 0; i < s.topology.owned_points(); ++i) sum += s.kinetic_energy(i);
-  return sum;
-}
-
 template <int D, class... Terms>
 std::unique_ptr<Simulation<D>> simulation_of(const Configuration<D>& c, Sorting sorting, const Ranks& ranks,
                                              std::unique_ptr<Integrator> integrator, Terms... terms) {
