@@ -42,7 +42,9 @@ std::unique_ptr<ForceField<3>> rough_surfaces(ParameterReader& p, const Surround
   const Fused<SimplexKernel<Elements::vertex_faces>, VertexFaceContact, SimplexFriction<Elements::vertex_faces>> faces(
       configured(p, VertexFaceContact{0, Edges::bare}), SimplexFriction<Elements::vertex_faces>{0});
   const Fused<WallKernel, WallContact<3>> walls(configured(p, WallContact<3>{}));
-  return with_shape(p, s, pairs, faces, walls);
+  RimContact rim{};
+  rim.s1 = 1.0 / 16;  // edges are as wide as they are long, so that the width gives no angle below 90°
+  return with_shape(p, s, pairs, faces, walls, configured(p, rim));
 }
 
 std::unique_ptr<ForceField<3>> smooth_surfaces(ParameterReader& p, const Surroundings<3>& s) {

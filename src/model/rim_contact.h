@@ -18,6 +18,8 @@ namespace pliant {
 struct RimContact : LipSettings {
   using Law = HarmonicOverlap;
 
+  Real s1 = 0;  ///< 0: from the width
+
   Real energy(const StateView<3>& s, Index e) const {
     const Rim rim(*this, s, e);
     return rim.touches() ? rim.factor().value * rim.sum() : 0;
@@ -83,7 +85,7 @@ struct RimContact : LipSettings {
       for (int k = 0; k < 2; ++k) r[k] = pose.back(s.position(points[k]));
       const Real width = s.topology.diameter[points[0]];
       v.delta = (width + term.thickness) / 2;
-      s1 = square(width / s.topology.l0[s.topology.particle[points[0]]]);
+      s1 = term.s1 > 0 ? term.s1 : square(width / s.topology.l0[s.topology.particle[points[0]]]);
       if (near_enough()) t = nearest_to_circle(circle, r[0], r[1]);
     }
 

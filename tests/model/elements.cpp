@@ -188,9 +188,9 @@ TEST_CASE("the lists of a model follow from its terms") {
   }
   CHECK(alone<2>()->needs() == NeighbourNeeds{});
   CHECK(needs_of<3>(ModelKind::rough) ==
-        NeighbourNeeds{.point_pairs = true, .walls = true, .edges = Edges::bare, .vertex_faces = true});
+        NeighbourNeeds{.point_pairs = true, .walls = true, .lips = true, .edges = Edges::bare, .vertex_faces = true});
   CHECK(needs_of<3>(ModelKind::rough, {.rough_edges = false}) ==
-        NeighbourNeeds{.point_pairs = true, .walls = true, .edges = Edges::bare});
+        NeighbourNeeds{.point_pairs = true, .walls = true, .lips = true, .edges = Edges::bare});
   CHECK(needs_of<3>(ModelKind::smooth) ==
         NeighbourNeeds{.walls = true, .lips = true, .vertex_faces = true, .edge_pairs = true});
 }

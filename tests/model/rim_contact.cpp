@@ -20,6 +20,11 @@ WallParts cone() { return {{WallSegment::between({radius, 0.2}, {4, 2})}, {{{rad
 Vec<3> on_lip(Real phi) { return {radius * std::cos(phi), radius * std::sin(phi), 0.2}; }
 
 std::unique_ptr<ForceField<3>> rim() { return alone<3>(RimContact{epsilon}); }
+RimContact wide_rim() {
+  RimContact rim{epsilon};
+  rim.s1 = 1.0 / 16;
+  return rim;
+}
 
 /// An icosphere that a lip presses between its vertices.
 Configuration<3> pressed_on_lip(Random& random) {
@@ -36,6 +41,19 @@ Configuration<3> pressed_on_lip(Random& random) {
 TEST_CASE("derivatives of the contact of round lips and edges", "[lip]") {
   check_smooth<3>(
       *rim(), [](Random& random) { return pressed_on_lip(random); }, 1e-5);
+  check_smooth<3>(
+      *alone<3>(wide_rim()), [](Random& random) { return pressed_on_lip(random); }, 1e-5);
+}
+
+TEST_CASE("edges that are as wide as they are long feel a lip with a given s1", "[lip]") {
+  Random random(3);
+  Configuration<3> c = pressed_on_lip(random);
+  std::ranges::fill(c.topology.diameter, c.topology.l0[0]);
+  Neighbours<3> lists({.lips = true}, 0.02);
+  lists.rebuild(c.topology, c.walls, c.x.data());
+  const StateView<3> s{c.x.data(), c.v.data(), c.topology, lists, c.walls};
+  CHECK(rim()->energy(s) == 0);
+  CHECK(std::abs(alone<3>(wide_rim())->energy(s)) > 1e-3);
 }
 
 TEST_CASE("an edge across a lip feels its distance, and a parallel edge nothing", "[lip]") {
