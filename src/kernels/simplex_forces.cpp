@@ -209,7 +209,7 @@ struct EdgePairs {
     const Lanes3 w = r[2] - r[0], n = cross(edge[0], edge[1]);
     const Real4 n2 = dot(n, n), s = dot(cross(w, edge[1]), n), t = dot(cross(w, edge[0]), n);
     const Mask4 inside = (s > 0) & (s < n2) & (t > 0) & (t < n2);
-    // Of each end on the other edge.
+    // Nearest places of each end on the other edge.
     const Foot4 foot[4] = {{r[0] - r[2], edge[1]}, {r[1] - r[2], edge[1]}, {w, edge[0]}, {r[3] - r[0], edge[0]}};
     const Real4 nearest = min(min(foot[0].d2, foot[1].d2), min(foot[2].d2, foot[3].d2));
     const Real4 across = dot(w, n) / n2;

@@ -35,7 +35,7 @@ inline constexpr Parameter disk{.name = "e_disk",
                                 .role = Role::contact_energy};
 }  // namespace contact_energy
 
-/// Of rough particles: whether vertices touch edges (3D: faces) without width, too. Such a contact is as stiff as a
+/// Vertices of rough particles can touch edges (3D: faces) without width, too. Such a contact is as stiff as a
 /// contact of two vertices: ε/4 over half the distance.
 inline void read_bare_contact(ParameterReader& p, Real& epsilon, bool& on) {
   epsilon = p.number(contact_energy::deformable) / 4;

@@ -117,7 +117,7 @@ TEST_CASE("bare faces are listed once with each vertex within their reach, large
       const Topology& t = c.topology;
       for (Index i = 0; i < t.points(); ++i) c.topology.diameter[i] = 0.2 * (1 + 0.3 * (t.particle[i] % 2));
       Neighbours<3> lists({.point_pairs = true, .edges = Edges::bare, .vertex_faces = true}, skin);
-      Neighbours<3> search({.edges = Edges::bare, .vertex_faces = true}, skin);  // of all faces
+      Neighbours<3> search({.edges = Edges::bare, .vertex_faces = true}, skin);  // without the pairs of points
       lists.rebuild(t, c.walls, c.x.data());
       search.rebuild(t, c.walls, c.x.data());
       REQUIRE(lists.chunks() == 2);

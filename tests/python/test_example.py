@@ -39,3 +39,12 @@ def test_a_task(name, changes, said, tmp_path):
                             env=dict(os.environ, MPLBACKEND="Agg"), timeout=120)
     assert result.returncode == 0, result.stderr
     assert re.fullmatch(said, result.stdout.splitlines()[-1]), result.stdout
+
+
+def test_a_droplet_between_plates_has_the_force_of_young_and_laplace():
+    result = subprocess.run([sys.executable, "-B", ROOT / "examples" / "python" / "plates.py", "--quick"], encoding="utf-8",
+                            capture_output=True, timeout=300)
+    assert result.returncode == 0, result.stderr
+    droplet, *_, shell = result.stdout.splitlines()[1:]
+    assert float(droplet.split()[-1]) == pytest.approx(1, abs=0.15)  # 162 vertices
+    assert float(shell.split()[-1]) == pytest.approx(1, abs=0.1)
