@@ -24,6 +24,13 @@ Index chunk_size(Index n) {
   return std::clamp(n / shares, least, most);
 }
 
+/// Infinity where there are no values: on a rank without particles.
+Real least(const std::vector<Real>& values) {
+  Real least = std::numeric_limits<Real>::infinity();
+  for (const Real a : values) least = std::min(least, a);
+  return least;
+}
+
 }  // namespace
 
 template <int D>
@@ -255,7 +262,7 @@ void Neighbours<D>::fill(PairList& list, const FoundParts& parts) {
 template <int D>
 void Neighbours<D>::build_bare_edges(const Topology& topology, const PointCloud& cloud) requires(D == 2) {
   const Real margin = this->margin();
-  const Real narrowest = *std::ranges::min_element(topology.diameter);
+  const Real narrowest = least(topology.diameter);
   const auto at = [&](Index i) { return point<2>(cloud.x, i); };
   const auto d2 = [&](Index i, Index j) { return (at(i) - at(j)).squaredNorm(); };
   // Of a vertex within δ_j/2 + margin of the edge, the nearer end is within (δ_i + δ_j)/2 + margin up to this length.
@@ -289,7 +296,7 @@ void Neighbours<D>::build_bare_edges(const Topology& topology, const PointCloud&
 template <int D>
 void Neighbours<D>::build_bare_faces(const Topology& topology, const Real* x) requires(D == 3) {
   const Real margin = this->margin();
-  const Real narrowest = *std::ranges::min_element(topology.diameter);
+  const Real narrowest = least(topology.diameter);
   const auto at = [&](Index i) { return point<3>(x, i); };
   const auto d2 = [&](Index i, Index j) { return (at(i) - at(j)).squaredNorm(); };
   const auto longest2 = [&](const std::array<Index, 3>& r) {

@@ -138,6 +138,8 @@ ParameterValues read_parameters(const CaseValue& inputs, const ModelName& model,
                                 std::vector<std::string>& old_names) {
   ParameterValues values;
   const ParameterTable table = parameters_of(particles);
+  // Cases of rough surfaces had no contacts of bare faces and of lips before these terms existed.
+  const bool printed = model.old || (particles.surfaces && particles.kind == ModelKind::rough);
   for (const ParameterTable::Entry& entry : table.entries()) {
     CaseValue value = inputs[entry.name];
     if (!entry.alias.empty())
@@ -148,7 +150,7 @@ ParameterValues read_parameters(const CaseValue& inputs, const ModelName& model,
       }
     if (value.present())
       values.set(entry.name, value_of(value, entry));
-    else if (model.old && !entry.printed.empty())
+    else if (printed && !entry.printed.empty())
       values.set(entry.name, entry.printed);
   }
   return values;
