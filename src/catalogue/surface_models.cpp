@@ -13,6 +13,8 @@
 namespace pliant {
 namespace {
 
+using VertexFaces =
+    Fused<SimplexKernel<Elements::vertex_faces>, VertexFaceContact, SimplexFriction<Elements::vertex_faces>>;
 using Shape = Fused<SurfaceKernel, Volume, FaceArea, EdgeLength, HingeBending, SurfaceTension>;
 
 /// The model of the terms of the shape, the parts in `more`, gravity and drag.
@@ -39,8 +41,7 @@ std::unique_ptr<ForceField<3>> rough_surfaces(ParameterReader& p, const Surround
   read_contact_law<HarmonicOverlap>(p);
   const auto contact = configured(p, PairContact<3>{0, "rough"}, contact_energy::deformable);
   const Fused<PairKernel, PairContact<3>, PairFriction<3>> pairs(contact, configured(p, PairFriction<3>{}));
-  const Fused<SimplexKernel<Elements::vertex_faces>, VertexFaceContact, SimplexFriction<Elements::vertex_faces>> faces(
-      configured(p, VertexFaceContact{0, Edges::bare}), SimplexFriction<Elements::vertex_faces>{0});
+  const VertexFaces faces(configured(p, VertexFaceContact{0, Edges::bare}), SimplexFriction<Elements::vertex_faces>{0});
   const Fused<WallKernel, WallContact<3>> walls(configured(p, WallContact<3>{}));
   RimContact rim{};
   rim.s1 = 1.0 / 16;  // edges are as wide as they are long, so that the width gives no angle below 90°
@@ -51,8 +52,7 @@ std::unique_ptr<ForceField<3>> smooth_surfaces(ParameterReader& p, const Surroun
   read_contact_law<HarmonicOverlap>(p);
   const auto vertices = configured(p, VertexFaceContact{});
   const auto edges = configured(p, EdgePairContact{});
-  const Fused<SimplexKernel<Elements::vertex_faces>, VertexFaceContact, SimplexFriction<Elements::vertex_faces>> faces(
-      vertices, configured(p, SimplexFriction<Elements::vertex_faces>{}));
+  const VertexFaces faces(vertices, configured(p, SimplexFriction<Elements::vertex_faces>{}));
   const Fused<SimplexKernel<Elements::edge_pairs>, EdgePairContact, SimplexFriction<Elements::edge_pairs>> pairs(
       edges, configured(p, SimplexFriction<Elements::edge_pairs>{}));
   const Fused<WallKernel, WallContact<3>> walls(configured(p, WallContact<3>{}));

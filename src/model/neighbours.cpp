@@ -118,6 +118,16 @@ SearchSpace<D> Neighbours<D>::search_space(const Topology& topology, const Walls
           boxes_};
 }
 
+/// Appends the elements of the next part: inside a chunk, or across the border of a chunk.
+template <int D>
+void Neighbours<D>::append(PairList& list, const std::vector<Found>& part) {
+  for (const Found& found : part) {
+    list.pairs.push_back(found.pair);
+    list.reach.push_back(found.reach);
+  }
+  list.start.push_back(list.size());
+}
+
 /// In a pair of particles, the particle that started the search is the first if the kind is symmetric, else the second.
 /// Ghosts search too, for pairs that owned points do not find.
 template <int D>
@@ -133,13 +143,6 @@ void Neighbours<D>::build_pairs(const SearchSpace<D>& space) {
   const auto make_room = [&](std::size_t size) {
     list.pairs.reserve(size);
     list.reach.reserve(size);
-  };
-  const auto append = [&](const std::vector<Found>& part) {
-    for (const Found& found : part) {
-      list.pairs.push_back(found.pair);
-      list.reach.push_back(found.reach);
-    }
-    list.start.push_back(list.size());
   };
   std::vector<std::vector<Found>> across(n + 1);
   ParallelErrors errors;
@@ -166,7 +169,7 @@ void Neighbours<D>::build_pairs(const SearchSpace<D>& space) {
         // the list twice for a while, and untouched memory costs nothing.
         const std::size_t size = list.pairs.size() + inside.size();
         if (size > list.pairs.capacity()) make_room(size + size * static_cast<std::size_t>(n - c) / (c + 1) + size / 4);
-        append(inside);
+        append(list, inside);
       });
     }
   }
@@ -184,7 +187,7 @@ void Neighbours<D>::build_pairs(const SearchSpace<D>& space) {
   std::size_t size = list.pairs.size();
   for (Index c = 0; c < n; ++c) size += across[c].size();
   make_room(size);
-  for (Index c = 0; c < n; ++c) append(across[c]);
+  for (Index c = 0; c < n; ++c) append(list, across[c]);
 }
 
 /// Owned points, or edges, with elements other than particles.
@@ -248,13 +251,7 @@ template <int D>
 void Neighbours<D>::fill(PairList& list, const FoundParts& parts) {
   list.clear();
   for (const auto* half : {&parts.inside, &parts.across})
-    for (const std::vector<Found>& part : *half) {
-      for (const Found& found : part) {
-        list.pairs.push_back(found.pair);
-        list.reach.push_back(found.reach);
-      }
-      list.start.push_back(list.size());
-    }
+    for (const std::vector<Found>& part : *half) append(list, part);
 }
 
 /// Vertices and bare edges, from the pairs of points: a vertex near an edge is listed with the nearer end of the edge.
@@ -307,9 +304,8 @@ void Neighbours<D>::build_bare_faces(const Topology& topology, const Real* x) re
   const auto is_large = [&](Real length2, Real diameter) {
     return length2 > (1 - 1e-9) * 0.75 * diameter * (2 * narrowest + diameter + 4 * margin);
   };
-  std::vector<Real> around(
-      static_cast<std::size_t>(topology.points()));  // squared longest edge of the faces at a point
-  std::vector<std::uint8_t> has_large(static_cast<std::size_t>(topology.particles()));
+  std::vector<Real> around(topology.points());  // square of the longest edge of the faces at each point
+  std::vector<std::uint8_t> has_large(topology.particles());
 #pragma omp parallel for if (chunks() > 1)
   for (Index m = 0; m < topology.particles(); ++m) {
     const Index first = topology.offset[m];

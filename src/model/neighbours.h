@@ -129,6 +129,7 @@ class Neighbours : public NeighbourLists {
     });
   }
   SearchSpace<D> search_space(const Topology& topology, const Walls<D>& wall, const Real* x) const;
+  static void append(PairList& list, const std::vector<Found>& part);
   template <class Kind>
   void build_pairs(const SearchSpace<D>& space);
   template <class Kind>

@@ -1,4 +1,4 @@
-// The program pliant, in a header that includes no other, so that apps compiles fast.
+// The program pliant. This header includes no other header, so that apps/pliant.cpp compiles fast.
 #pragma once
 
 namespace pliant {

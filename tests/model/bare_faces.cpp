@@ -22,16 +22,11 @@ const PairContact<3> vertices{stiffness, "rough"};
 /// Two icospheres of 12 vertices with faces of random size, which touch in bare faces and do not pierce.
 Configuration<3> touching(Random& random) {
   for (;;) {
-    std::vector<TriangleMesh> both;
-    for (const int k : {0, 1}) {
-      TriangleMesh mesh = moved(icosphere(12), random_turn(random), Vec<3>::Zero());
-      for (Vec<3>& r : mesh.vertices) r += random(0, 0.1) * random.unit<3>();
-      both.push_back(moved(mesh, Mat<3>::Identity(), k * random(0.9, 1.1) * random.unit<3>()));
-    }
-    Configuration<3> c = surfaces_in_shape(both, 0.3);
+    Configuration<3> c = two_distorted(random, 12, 0.1, 0.9, 0.3);
     for (Index i = c.topology.offset[1]; i < c.topology.points(); ++i) c.topology.diameter[i] = 0.4;
     c = std::move(c).with_bare_edges();
-    if (pierced(c) || alone<3>(bare)->energy(c.view()) < 1e-3 || alone<3>(bare)->energy(c.view()) > 0.2) continue;
+    const Real energy = alone<3>(bare)->energy(c.view());
+    if (pierced(c) || energy < 1e-3 || energy > 0.2) continue;
     c.random_velocities(random);
     return c;
   }
@@ -67,17 +62,9 @@ TEST_CASE("the kernel of bare faces adds the forces of the term, without a net f
   for (int k = 0; k < 20; ++k) {
     Random random(k);
     Configuration<3> c = touching(random);
-    VectorXd by_kernel(c.x.size()), by_term(c.x.size());
-    kernel->forces(c.view(), by_kernel.data());
-    term->forces(c.view(), by_term.data());
+    const VectorXd by_kernel = forces_of(*kernel, c), by_term = forces_of(*term, c);
     CHECK((by_kernel - by_term).norm() < 1e-11 * by_term.norm());
-    Vec<3> sum = Vec<3>::Zero(), torque = Vec<3>::Zero();
-    for (Index i = 0; i < c.topology.points(); ++i) {
-      sum += point<3>(by_kernel.data(), i);
-      torque += c.position(i).cross(Vec<3>(point<3>(by_kernel.data(), i)));
-    }
-    CHECK(sum.norm() < 1e-11 * by_term.norm());
-    CHECK(torque.norm() < 1e-11 * by_term.norm());
+    check_balance(c, by_kernel);
   }
 }
 
@@ -86,8 +73,7 @@ TEST_CASE("a vertex needs energy to pass through a stretched face, and only this
   Configuration<3> c = tip_over_face(1.9, 1e-3);
   CHECK(alone<3>(vertices)->energy(c.view()) == 0);
   CHECK(alone<3>(vertices, bare)->energy(c.view()) == Approx(stiffness / 8).epsilon(0.01));
-  VectorXd f(c.x.size());
-  alone<3>(vertices, bare)->forces(c.view(), f.data());
+  const VectorXd f = forces_of(*alone<3>(vertices, bare), c);
   CHECK(f[3 * 7 + 2] == Approx(stiffness / 4 / 0.5).epsilon(0.01));  // on the tip, upwards
   // Above a face at rest the term does not act before vertices overlap by a fifth of their diameter.
   for (const Real height : {0.7, 0.6, 0.51}) {

@@ -1,6 +1,8 @@
 // Smooth closed surfaces that touch.
 #pragma once
 
+#include <catch2/catch.hpp>
+
 #include <Eigen/Geometry>
 #include <memory>
 #include <vector>
@@ -38,22 +40,44 @@ inline Configuration<3> surfaces_in_shape(const std::vector<TriangleMesh>& meshe
 
 inline bool pierced(Configuration<3>& c) { return look_at_surfaces(c.view()).piercing.has_value(); }
 
+/// Two icospheres at a distance from `nearest` to 1.1, whose vertices are displaced by at most `most`.
+inline Configuration<3> two_distorted(Random& random, Index vertices, Real most, Real nearest, Real delta) {
+  std::vector<TriangleMesh> both;
+  for (const int k : {0, 1}) {
+    TriangleMesh mesh = moved(icosphere(vertices), random_turn(random), Vec<3>::Zero());
+    for (Vec<3>& r : mesh.vertices) r += random(0, most) * random.unit<3>();
+    both.push_back(moved(mesh, Mat<3>::Identity(), k * random(nearest, 1.1) * random.unit<3>()));
+  }
+  return surfaces_in_shape(both, delta);
+}
+
 /// Two distorted icospheres that press each other and do not pierce.
 inline Configuration<3> pressed_surfaces(Random& random, Real delta = 0.2, Index vertices = 12) {
   for (;;) {
-    std::vector<TriangleMesh> both;
-    for (const int k : {0, 1}) {
-      TriangleMesh mesh = moved(icosphere(vertices), random_turn(random), Vec<3>::Zero());
-      for (Vec<3>& r : mesh.vertices) r += random(0, 0.05) * random.unit<3>();
-      both.push_back(moved(mesh, Mat<3>::Identity(), k * random(0.95, 1.1) * random.unit<3>()));
-    }
-    Configuration<3> c = surfaces_in_shape(both, delta);
+    Configuration<3> c = two_distorted(random, vertices, 0.05, 0.95, delta);
     if (pierced(c) || alone<3>(VertexFaceContact{1})->energy(c.view()) == 0 ||
         alone<3>(EdgePairContact{1, 0.3})->energy(c.view()) == 0)
       continue;
     c.random_velocities(random);
     return c;
   }
+}
+
+inline VectorXd forces_of(const ForceField<3>& field, Configuration<3>& c) {
+  VectorXd f(c.x.size());
+  field.forces(c.view(), f.data());
+  return f;
+}
+
+/// That forces on all points have no sum and no torque.
+inline void check_balance(const Configuration<3>& c, const VectorXd& f) {
+  Vec<3> sum = Vec<3>::Zero(), torque = Vec<3>::Zero();
+  for (Index i = 0; i < c.topology.points(); ++i) {
+    sum += point<3>(f.data(), i);
+    torque += c.position(i).cross(Vec<3>(point<3>(f.data(), i)));
+  }
+  CHECK(sum.norm() < 1e-11 * f.norm());
+  CHECK(torque.norm() < 1e-11 * f.norm());
 }
 
 }  // namespace pliant::test

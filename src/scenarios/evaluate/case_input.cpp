@@ -138,7 +138,7 @@ ParameterValues read_parameters(const CaseValue& inputs, const ModelName& model,
                                 std::vector<std::string>& old_names) {
   ParameterValues values;
   const ParameterTable table = parameters_of(particles);
-  // Cases of rough surfaces had no contacts of bare faces and of lips before these terms existed.
+  // Rough surfaces have the rules of the published model: neither faces nor lips touch them unless a case asks for it.
   const bool printed = model.old || (particles.surfaces && particles.kind == ModelKind::rough);
   for (const ParameterTable::Entry& entry : table.entries()) {
     CaseValue value = inputs[entry.name];
