@@ -11,7 +11,7 @@ namespace pliant {
 /// Whether lips touch edges too, or, as printed, vertices only.
 inline bool read_lip_rule(ParameterReader& p) {
   return p.choice({.name = "lip_contact",
-                   .help = "lips of walls touch edges and vertices of polygons, or vertices only [H 10]",
+                   .help = "lips of walls touch edges and vertices of particles, or vertices only [H 10]",
                    .printed = "literal",
                    .role = Role::lip_rule},
                   named<bool>({{"edge", true}, {"literal", false}}));
