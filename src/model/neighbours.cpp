@@ -388,10 +388,13 @@ void Neighbours<D>::rebuild(const Topology& topology, const Walls<D>& wall, cons
   for_each_list([&]<class Kind>(Kind) {
     if (!(needs_.*Kind::need)) return;
     if (needs_.point_pairs && needs_.edges == Edges::bare) {
-      if constexpr (std::is_same_v<Kind, ElementKind<Elements::vertex_edges>>)
-        return build_bare_edges(topology, space.cloud);
-      if constexpr (std::is_same_v<Kind, ElementKind<Elements::vertex_faces>>)
+      // The dimension alone, because Clang 14 looks up functions in branches that depend on the kind.
+      if constexpr (D == 2) {
+        if constexpr (std::is_same_v<Kind, ElementKind<Elements::vertex_edges>>)
+          return build_bare_edges(topology, space.cloud);
+      } else if constexpr (std::is_same_v<Kind, ElementKind<Elements::vertex_faces>>) {
         if (topology.surfaces) return build_bare_faces(topology, x);
+      }
     }
     if constexpr (Kind::paired)
       build_pairs<Kind>(space);
