@@ -579,14 +579,15 @@ void change_byte(const std::filesystem::path& path, std::size_t at, int bit = 0)
   file.put(changed);
 }
 
-/// Place of the bytes of a value in the file, or of the text number `n`.
+/// Changes a value wherever the file holds it: the unused end of a chunk may hold a copy from HDF5's memory.
 template <class T>
-std::size_t place_of(const std::filesystem::path& path, const T& value) {
-  const std::string bytes = contents(path);
-  const auto at = bytes.find(std::string(reinterpret_cast<const char*>(&value), sizeof value));
-  REQUIRE(at != bytes.npos);
-  return at;
+void change_value(const std::filesystem::path& path, const T& value) {
+  const std::string bytes = contents(path), sought(reinterpret_cast<const char*>(&value), sizeof value);
+  REQUIRE(bytes.find(sought) != bytes.npos);
+  for (auto at = bytes.find(sought); at != bytes.npos; at = bytes.find(sought, at + sizeof value))
+    change_byte(path, at);
 }
+/// Place of the text number `n` in the file.
 std::size_t place_of_text(const std::filesystem::path& path, const std::string& text, int n) {
   const std::string bytes = contents(path);
   std::size_t at = bytes.find(text);
@@ -636,7 +637,7 @@ TEST_CASE("a restart says what is damaged, and goes on where only frames are") {
   };
   REQUIRE(RunWriter::append(scratch.path(), topology, 3, 3).damage().empty());
   SECTION("values of a frame") {
-    change_byte(path, place_of(path, FrameData(topology, 1, 2).centres[3]));
+    change_value(path, FrameData(topology, 1, 2).centres[3]);
     {
       auto writer = RunWriter::append(scratch.path(), topology, 3, 3);
       REQUIRE(writer.damage().size() == 1);
@@ -659,11 +660,11 @@ TEST_CASE("a restart says what is damaged, and goes on where only frames are") {
                Contains("/frames/000001") && Contains("cannot write this frame again"));
   }
   SECTION("a series") {
-    change_byte(path, place_of(path, 0.5 * 1.125));
+    change_value(path, 0.5 * 1.125);
     CHECK_THAT(refused(), Contains("/series/dt") && Contains("damaged"));
   }
   SECTION("an axis") {
-    change_byte(path, place_of(path, 7.25));
+    change_value(path, 7.25);
     CHECK_THAT(refused(), Contains("/series_axes/profile_height"));
   }
   SECTION("the manifest") {
