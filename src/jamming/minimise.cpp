@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include <pliant/jamming/point_packing.h>
 #include <pliant/model/polygon.h>
 #include <pliant/system/fire.h>
 
@@ -130,6 +131,62 @@ class Enthalpy {
   std::vector<Real> x_, force_;
 };
 
+/// The result of FIRE after earlier iterations.
+FireResult after(const FireResult& earlier, FireResult result) {
+  result.iterations += earlier.iterations;
+  result.evaluations += earlier.evaluations;
+  return result;
+}
+
+/// Minimises the energy or enthalpy of few points, in the present box or with the box.
+template <int D>
+FireResult minimise_points(ParticleSystem<D>& system, std::span<Real> x, const std::vector<Real>& mass,
+                           const MinimiserOptions& o, FireOptions fire_options) {
+  PointPacking<D> packing(system, *o.contacts, o.pressure);
+  std::vector<Real> y(x.begin(), x.end());
+  if (o.pressure) y.push_back(0);
+  // FIRE finds the valley of the minimum, in which the quasi-Newton method is faster.
+  constexpr Real part_in_valley = 0.1;
+  bool quick = !o.pressure || o.force_tolerance < part_in_valley * *o.pressure, in_valley = false;
+  const Real least_energy = 1e-14 * system.topology().owned();  // with less the particles may come apart
+  const EnergyAndForce energy_and_force = [&](const Real* at, Real* f) {
+    const Real energy = packing(at, f);
+    if (!o.pressure) in_valley = energy > least_energy && largest({f, y.size()}) <= part_in_valley * packing.pressure();
+    return energy;
+  };
+  fire_options.force = [&](const Real* at, Real* f) { packing(at, f); };
+  if (!o.pressure) fire_options.done = [&](const Real*) { return (o.stop && o.stop()) || (quick && in_valley); };
+  FireResult result;
+  const auto relax = [&](Real tolerance) {
+    fire_options.force_tolerance = tolerance;
+    fire_options.max_iterations = o.max_iterations - result.iterations;
+    result = after(result, fire(y, mass, energy_and_force, fire_options));
+    if (result.stop == FireStop::iterations)
+      result.reason =
+          fmt::format("limit of {} iterations reached with largest force {:.3g}", o.max_iterations, result.max_force);
+  };
+  relax(quick && o.pressure ? part_in_valley * *o.pressure : o.force_tolerance);
+  if (quick && (o.pressure ? result.stop == FireStop::force : in_valley && result.stop == FireStop::done)) {
+    const QuasiNewtonResult quasi =
+        quasi_newton(y, energy_and_force, packing,
+                     {.force_tolerance = o.force_tolerance,
+                      .max_evaluations = std::max<std::int64_t>(0, o.max_iterations - result.iterations),
+                      .stop = o.stop});
+    result.iterations += quasi.iterations;
+    result.evaluations += quasi.evaluations;
+    quick = false;
+    if (quasi.converged) {
+      result.stop = FireStop::force;
+      result.reason = fmt::format("largest force {:.3g} within {:.3g}", quasi.max_force, o.force_tolerance);
+    } else if (!quasi.stopped) {
+      relax(o.force_tolerance);
+    }
+  }
+  if (o.pressure) system.deform(Mat<D>(packing.scale(y.data()) * Mat<D>::Identity()));
+  packing.place(y.data(), x.data());
+  return result;
+}
+
 }  // namespace
 
 template <int D>
@@ -172,19 +229,25 @@ Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const Minimise
     force.resize(static_cast<std::size_t>(s.topology.points()) * (D + rotations<D>));
     return force.data();
   };
-  if (o.pressure) {
+  std::vector<Real> mass;
+  if (o.pressure)
+    mass.push_back(1);
+  else
+    for (Index i = 0; i < t.owned_points(); ++i) mass.push_back(t.mass(i));
+  fire_options.energy_tolerance = o.pressure ? fire_options.energy_tolerance : o.energy_per_particle * t.owned();
+  if (o.contacts && PointPacking<D>::suits(system)) {
+    if (o.pressure) mass.front() = Enthalpy<D>(system, *o.pressure).mean_mass();
+    result = minimise_points<D>(system, x, mass, o, fire_options);
+  } else if (o.pressure) {
     Enthalpy<D> enthalpy(system, *o.pressure);
     std::vector<Real> y(x.begin(), x.end());
     y.push_back(0);
-    const Real mass = enthalpy.mean_mass();
+    mass.front() = enthalpy.mean_mass();
     if (only_energies) fire_options.force = [&](const Real* at, Real* f) { enthalpy(at, f, false); };
     result = fire(
-        y, std::span(&mass, 1), [&](const Real* at, Real* f) { return enthalpy(at, f, true); }, fire_options);
+        y, mass, [&](const Real* at, Real* f) { return enthalpy(at, f, true); }, fire_options);
     std::ranges::copy(enthalpy.place(y.data()), x.begin());
   } else {
-    std::vector<Real> mass;
-    for (Index i = 0; i < t.owned_points(); ++i) mass.push_back(t.mass(i));
-    fire_options.energy_tolerance = o.energy_per_particle * t.owned();
     const std::size_t n = system.positions_in(x).size();
     std::vector<Real> all(x.begin(), x.end());  // with angles, where particles rotate
     const std::vector<Real> rest = velocities_at_rest(system);

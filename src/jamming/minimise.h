@@ -8,6 +8,7 @@
 #include <span>
 #include <string>
 
+#include <pliant/kernels/pair_forces.h>
 #include <pliant/system/particle_system.h>
 
 namespace pliant {
@@ -29,7 +30,9 @@ struct MinimiserOptions {
   std::optional<Real> pressure;
   Real force_tolerance = 1e-10;  ///< largest component of the force on a point at the minimum, in ε/σ_avg
   std::int64_t max_iterations = 200000;
-  Real energy_per_particle = 1e-20;      ///< at a fixed box: particles with less energy, in ε, do not touch
+  Real energy_per_particle = 1e-20;  ///< at a fixed box: particles with less energy, in ε, do not touch
+  /// The law of all forces, if they are contacts of points: few points are then minimised faster.
+  std::optional<PairContactLaw> contacts = {};
   Real t = 0;                            ///< at a fixed box: time, for walls that move
   std::function<bool()> stop = nullptr;  ///< ends the minimisation if it returns true; called now and then
 };
@@ -49,7 +52,8 @@ struct Minimum {
 template <int D>
 Minimum<D> measure_at(ParticleSystem<D>& system, std::span<const Real> x, Real t = 0);
 
-/// Moves the particles to a minimum by FIRE (fire.h). x [size of the system]: the own positions; angles remain. At a
+/// Moves the particles to a minimum by FIRE (fire.h); few points at a fixed pressure, near the minimum, by a
+/// quasi-Newton method (quasi_newton.h). x [size of the system]: the own positions; angles remain. At a
 /// fixed pressure the box grows and shrinks without change of shape; particles keep their shapes while it does, since
 /// only their centres follow the box. On one rank. Errors: InputError for several ranks; at a fixed pressure for a box
 /// that is open in a direction, walls, particles that rotate or contacts with history, or a pressure that is not

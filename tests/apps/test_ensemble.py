@@ -146,7 +146,7 @@ def test_goes_on_after_signals(how, tmp_path):
 
 def test_failed_members_are_counted(tmp_path):
     folder = tmp_path / "run"
-    result = pliant("pack", output=folder, ensemble=6, n=20, pressure=1e-6, max_iterations=1300)
+    result = pliant("pack", output=folder, ensemble=6, n=20, pressure=1e-6, max_iterations=260)
     table = pd.read_csv(folder / "members.csv")
     failed = table[table.status == "failed"]
     assert 0 < len(failed) < 6

@@ -167,30 +167,30 @@ def test_rows_of_ensembles_equal_single_runs(tmp_path):
 
 
 def test_failed_rows_of_ensembles(tmp_path):
-    table = write_table(tmp_path / "t.csv", PACK | {"pressure": 1e-6, "max_iterations": 1300, "seeds": "1-6"},
+    table = write_table(tmp_path / "t.csv", PACK | {"pressure": 1e-6, "max_iterations": 250, "seeds": "1-6"},
                         SMALL | {"hopper_width": 8, "seeds": "1-2"})
     sweep(table, "--ensembles", code=3)
     sweep(table, "-o", tmp_path / "alone", code=3)
     results, alone = (pd.read_csv(tmp_path / folder / "results.csv", index_col="row") for folder in ("t", "alone"))
-    assert list(results["status"]) == list(alone["status"]) and (results["status"] == "failed").sum() == 4
+    assert list(results["status"]) == list(alone["status"]) and (results["status"] == "failed").sum() == 6
     assert list(results["message"].fillna("")[:6]) == list(alone["message"].fillna("")[:6])
     assert all("exit code 2: pliant: error: " in text for text in results["message"][6:])
-    before = (tmp_path / "t/pack,max_iterations=1300,n=20,pressure=1e-06,seed=1/run.h5").stat().st_mtime_ns
-    assert "failed 4" in sweep(table, "--ensembles", code=3)
-    assert (tmp_path / "t/pack,max_iterations=1300,n=20,pressure=1e-06,seed=1/run.h5").stat().st_mtime_ns == before
+    before = (tmp_path / "t/pack,max_iterations=250,n=20,pressure=1e-06,seed=1/run.h5").stat().st_mtime_ns
+    assert "failed 6" in sweep(table, "--ensembles", code=3)
+    assert (tmp_path / "t/pack,max_iterations=250,n=20,pressure=1e-06,seed=1/run.h5").stat().st_mtime_ns == before
     for more in (["--ensembles"], []):  # in an ensemble again, then alone
         sweep(table, "--retry", *more, code=3)
         again = pd.read_csv(tmp_path / "t/results.csv", index_col="row")
         assert list(again["status"]) == list(alone["status"])
         assert list(again["message"].fillna("")[:6]) == list(alone["message"].fillna("")[:6])
-    assert (tmp_path / "t/pack,max_iterations=1300,n=20,pressure=1e-06,seed=1/checkpoint-a.h5").exists()
+    assert (tmp_path / "t/pack,max_iterations=250,n=20,pressure=1e-06,seed=1/checkpoint-a.h5").exists()
 
 
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
 def test_an_interrupted_sweep_keeps_the_runs_of_its_ensemble(how, tmp_path):
-    table = write_table(tmp_path / "t.csv", PACK | {"n": 60, "pressure": 1e-5, "seeds": "1-40"})
+    table = write_table(tmp_path / "t.csv", PACK | {"n": 200, "pressure": 1e-5, "seeds": "1-40"})
     process = start(table, "--ensembles", "-j", 2)
-    stored = tmp_path / "t/.ensembles/pack,n=60,pressure=1e-05,seed=1/ensemble.h5"
+    stored = tmp_path / "t/.ensembles/pack,n=200,pressure=1e-05,seed=1/ensemble.h5"
     wait_for(lambda: stored.exists() and stored.stat().st_size > 2e6, process)
     if how == signal.SIGKILL:
         counts = re.search(r"done (\d+)/40, running (\d+)", sweep(table, "--status", code=75))

@@ -4,6 +4,7 @@
 
 #include <limits>
 
+#include <pliant/jamming/point_packing.h>
 #include <pliant/setup/particles.h>
 
 #include "support/model_parameters.h"
@@ -106,6 +107,88 @@ TEST_CASE("a packing in a fixed box, and lists that follow a box") {
     for (std::size_t i = 0; i < x.size(); ++i) CHECK(a[i] == Approx(b[i]).margin(1e-12));
   }
   CHECK((same > 20 && same < 30));
+}
+
+TEST_CASE("a few points have the energy and the forces of their system, and their Hessian is near the exact one") {
+  const auto check = [&]<int D>(std::integral_constant<int, D>, Index n, Real phi) {
+    INFO(n << " points in " << D << "D");
+    RandomCell<D> cell(ModelKind::sp, n, 5, phi);
+    auto system = cell.system(ModelKind::sp);
+    REQUIRE(PointPacking<D>::suits(system));
+    constexpr Real pressure = 0.01;
+    const std::size_t numbers = cell.x.size();
+    for (const bool pressed : {false, true}) {
+      PointPacking<D> packing(system, {1, ContactLaw::harmonic}, pressed ? std::optional(pressure) : std::nullopt);
+      std::vector<Real> y = cell.x, x(numbers), f(numbers + 1), changed(numbers + 1), of_system(4000);
+      if (pressed) y.push_back(0.03 * packing.factor());
+      Random random(1);
+      // The lists of the points follow their moves and the box.
+      for (int step = 0; step < 20; ++step) {
+        for (Real& a : y) a += random(-0.05, 0.05);
+        const Real energy = packing(y.data(), f.data()), scale = packing.scale(y.data());
+        packing.place(y.data(), x.data());
+        auto moved = cell.system(ModelKind::sp);
+        moved.set_box(cell.box.deformed(Mat<D>(scale * Mat<D>::Identity())));
+        const StateView<D> s = moved.view(x.data(), nullptr);
+        of_system.resize(static_cast<std::size_t>(s.topology.points()) * D);
+        const Real work = pressed ? pressure * moved.box().volume() : 0;
+        CHECK(energy == Approx(moved.field().energy(s, of_system.data()) + work).epsilon(1e-12));
+        for (std::size_t k = 0; k < numbers; ++k) CHECK(f[k] == Approx(scale * of_system[k]).margin(1e-12));
+        if (pressed) {
+          const Real stretched = D * moved.box().volume() * (stress_of(moved, x.data()).pressure() - pressure);
+          CHECK(f[numbers] == Approx(stretched / packing.factor()).epsilon(1e-9));
+        }
+      }
+    }
+    // At a minimum.
+    std::vector<Real> x = cell.x;
+    MinimiserOptions o;
+    o.contacts = PairContactLaw{1, ContactLaw::harmonic};
+    o.force_tolerance = 1e-12;
+    CHECK(minimise<D>(system, x, o).max_force < 1.2e-12);
+    o.pressure = pressure;
+    Minimum<D> m = minimise<D>(system, x, o);
+    CHECK(m.max_force < 1.2e-12);
+    CHECK(m.stress.pressure() == Approx(pressure).epsilon(1e-8));
+    PointPacking<D> packing(system, *o.contacts, pressure);
+    std::vector<Real> y = x, f(numbers + 1);
+    y.push_back(0);
+    Random random(2);
+    Eigen::VectorXd direction(static_cast<Eigen::Index>(numbers) + 1), solved;
+    for (Real& a : direction) a = random(-1, 1);
+    (void)packing(y.data(), f.data());
+    REQUIRE(packing.factorise(y.data()));
+    constexpr Real h = 1e-7;
+    const auto force = [&](Real by) {
+      std::vector<Real> z = y, at(numbers + 1);
+      for (std::size_t k = 0; k <= numbers; ++k) z[k] += by * direction[static_cast<Eigen::Index>(k)];
+      (void)packing(z.data(), at.data());
+      return Eigen::VectorXd(Eigen::Map<Eigen::VectorXd>(at.data(), static_cast<Eigen::Index>(at.size())));
+    };
+    const Eigen::VectorXd by_hessian = (force(-h) - force(h)) / (2 * h);
+    solved = by_hessian;
+    packing.solve(solved);
+    // H d is near H⁻ d up to the pre-stress, pairs near contact and rattlers.
+    CHECK(solved.dot(by_hessian) == Approx(direction.dot(by_hessian)).epsilon(0.15));
+  };
+  check(std::integral_constant<int, 2>(), 40, 0.95);
+  check(std::integral_constant<int, 2>(), 4, 0.9);  // several images of a point
+  check(std::integral_constant<int, 3>(), 40, 0.75);
+}
+
+TEST_CASE("L-BFGS gives up where a step is less than the rounding errors") {
+  struct Unit final : ApproximateHessian {
+    bool factorise(const Real* /*x*/) override { return true; }
+    void solve(Eigen::VectorXd& /*b*/) override {}
+  } unit;
+  std::vector<Real> x = {1, 2};
+  const auto flat = [](const Real* /*x*/, Real* f) {
+    f[0] = f[1] = 1e-20;
+    return Real(1);
+  };
+  const QuasiNewtonResult result = quasi_newton(x, flat, unit, {.force_tolerance = 1e-30});
+  CHECK(!result.converged);
+  CHECK(result.evaluations < 100);
 }
 
 TEST_CASE("packings that there are not") {

@@ -13,8 +13,8 @@
 namespace pliant {
 
 template <int D>
-PackProtocol<D>::PackProtocol(const PackOptions& p, const Ranks& ranks)
-    : PackingProtocol<D>(p, ranks), p_(p), pressures_(p.pressures()) {}
+PackProtocol<D>::PackProtocol(const PackOptions& p, const Ranks& ranks, bool quick)
+    : PackingProtocol<D>(p, ranks), p_(p), pressures_(p.pressures()), quick_(quick) {}
 
 template <int D>
 std::string PackProtocol<D>::title() const {
@@ -78,7 +78,7 @@ Scenario pack_scenario() {
       {"model", "dim", "n", "path", "fraction", "pressure", "force_tolerance", "seed", "output"},
       "The time of a run is the number of its packings.",
       []<int D>(const PackOptions& p, const Ranks& ranks, std::integral_constant<int, D>) {
-        return std::make_unique<PackProtocol<D>>(p, ranks);
+        return std::make_unique<PackProtocol<D>>(p, ranks, true);
       });
 }
 

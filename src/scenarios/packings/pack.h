@@ -11,8 +11,8 @@ namespace pliant {
 template <int D>
 class PackProtocol : public PackingProtocol<D> {
  public:
-  /// p must outlive it.
-  PackProtocol(const PackOptions& p, const Ranks& ranks);
+  /// p must outlive it. quick: see PackingProtocol.
+  PackProtocol(const PackOptions& p, const Ranks& ranks, bool quick);
 
   std::string title() const override;
   Real last_time() const override;
@@ -25,6 +25,7 @@ class PackProtocol : public PackingProtocol<D> {
 
  protected:
   void make_next() override;
+  bool quick() const override { return quick_; }
   void visit_more(Archive& archive) override;
   /// Packings of a decompression, or the quench.
   Real steps() const;
@@ -32,6 +33,7 @@ class PackProtocol : public PackingProtocol<D> {
  private:
   const PackOptions& p_;
   std::vector<Real> pressures_;
+  bool quick_;
   bool at_pressure_ = false;  ///< a compression has ended
 };
 

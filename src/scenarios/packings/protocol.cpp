@@ -12,6 +12,7 @@
 #include <pliant/jamming/backbone.h>
 #include <pliant/jamming/modes.h>
 #include <pliant/jamming/saddle.h>
+#include <pliant/model/contact_laws.h>
 #include <pliant/model/polygon.h>
 #include <pliant/scenarios/packings/measures.h>
 #include <pliant/scenarios/packings/steps.h>
@@ -53,6 +54,12 @@ void push_disks_apart(const Topology& particles, const Box<D>& box, Real most, s
           "lower fraction (-fraction)",
           shapes, system.topology().id[c.first], system.topology().id[c.second], c.overlap);
   });
+}
+
+ContactLaw contact_law(std::string_view name) {
+  for (const ContactLaw law : {ContactLaw::hertz, ContactLaw::linear})
+    if (name == to_string(law)) return law;
+  return ContactLaw::harmonic;
 }
 
 }  // namespace
@@ -137,6 +144,8 @@ MinimiserOptions PackingProtocol<D>::minimiser() {
   MinimiserOptions options;
   options.max_iterations = p_.max_iterations;
   interrupted_ = false;
+  if (quick() && p_.model.in_catalogue() && p_.model.particles() == ModelKind::sp)
+    options.contacts = {p_.model.value(Role::contact_energy), contact_law(p_.model.choice(Role::contact_law))};
   if (this->attached())
     options.stop = [this] {
       interrupted_ = this->run().stop_requested();

@@ -45,6 +45,8 @@ class PackingProtocol : public Protocol<D> {
   virtual void make_next() = 0;
   /// make_next() was interrupted: the state is as before, and so must be other data.
   virtual void undo() {}
+  /// Whether few points are minimised by the faster method: see MinimiserOptions::contacts.
+  virtual bool quick() const { return false; }
   virtual void visit_more(Archive& /*archive*/) {}
   virtual void measure(std::vector<SeriesValue>& /*row*/) {}
   virtual void conclude_more(nlohmann::ordered_json& /*summary*/) {}

@@ -16,7 +16,7 @@ namespace {
 template <int D>
 class QuasistaticShear final : public PackProtocol<D> {
  public:
-  QuasistaticShear(const ShearOptions& p, const Ranks& ranks) : PackProtocol<D>(p, ranks), p_(p) {}
+  QuasistaticShear(const ShearOptions& p, const Ranks& ranks) : PackProtocol<D>(p, ranks, false), p_(p) {}
 
   std::string title() const override {
     const std::string cycles = p_.cycles > 0 ? fmt::format("{} times to ±", p_.cycles) : "to ";

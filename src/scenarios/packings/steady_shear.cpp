@@ -78,7 +78,7 @@ std::vector<FastestRates> SteadyShear<D>::motions() const {
 template <int D>
 std::vector<Real> SteadyShear<D>::start() {
   const PackOptions options = preparation(p_);
-  PackProtocol<D> packing(options, this->ranks());
+  PackProtocol<D> packing(options, this->ranks(), false);
   Simulation<D>& packed = packing.simulation();
   packed.set_integrator(packing.make_integrator(1));
   packed.place(packing.start());
