@@ -236,6 +236,8 @@ FIGURES = [
            as_run=("as-run/limits",), tells=_LIMITS),
     Figure("H3", "Q(w) of soft spheres, friction only and drag only", ("quick/limits-3d",), ("hopper/limits-3d",),
            "flows", draw_limits, "half the particles, shorter runs", as_run=("as-run/limits-3d",), tells=_LIMITS),
+    Figure("surfaces", "Q(w) of deformable surfaces and of soft spheres, friction only and drag only", ("quick/surfaces",),
+           ("hopper/surfaces",), "flows", draw_limits, "200 particles of 12 vertices", tells=_LIMITS),
     Figure("H4", "exponent beta against lambda = zeta/mu", ("quick/lambda", "quick/limits"),
            ("hopper/lambda", "hopper/lambda-3d", "hopper/lambda-smooth", "hopper/lambda-stiff", "hopper/lambda-rough",
             "hopper/limits-rough"),
