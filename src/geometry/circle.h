@@ -9,16 +9,19 @@
 
 namespace pliant {
 
+/// Length of (x, y). std::hypot takes several times as long; its extreme numbers do not occur in lengths of particles.
+inline Real length_of(Real x, Real y) { return std::sqrt(x * x + y * y); }
+
 /// A circle about the z axis.
 struct Circle {
   Real radius, height;
 
   /// The nearest place to p; for p on the axis, some place.
   Vec<3> nearest(const Vec<3>& p) const {
-    const Real rho = std::hypot(p[0], p[1]);
+    const Real rho = length_of(p[0], p[1]);
     return rho > 0 ? Vec<3>(radius / rho * p[0], radius / rho * p[1], height) : Vec<3>(radius, 0, height);
   }
-  Real distance(const Vec<3>& p) const { return std::hypot(std::hypot(p[0], p[1]) - radius, p[2] - height); }
+  Real distance(const Vec<3>& p) const { return length_of(length_of(p[0], p[1]) - radius, p[2] - height); }
 };
 
 /// Where the closed segment from a to b is nearest to a circle: at a + t (b − a). If it is as near at several places,
@@ -29,7 +32,7 @@ inline Real nearest_to_circle(const Circle& circle, const Vec<3>& a, const Vec<3
   // With ρ(t) = √(c²/f + f (t − m)²), where f = |u_xy|² and c = p_xy × u_xy, half of the squared distance has the slope
   //   g(t) = (p + t u)·u − R ρ'(t), ρ' = f (t − m)/ρ, ρ'' = c²/ρ³.
   const Real middle = flat2 > 0 ? -(p[0] * u[0] + p[1] * u[1]) / flat2 : 0;
-  const auto rho = [&](Real t) { return std::hypot(p[0] + t * u[0], p[1] + t * u[1]); };
+  const auto rho = [&](Real t) { return length_of(p[0] + t * u[0], p[1] + t * u[1]); };
   const auto slope = [&](Real t) {
     const Real r = rho(t);
     return p.dot(u) + t * uu - (r > 0 ? circle.radius * flat2 * (t - middle) / r : 0);

@@ -58,7 +58,7 @@ struct RimContact : LipSettings {
     Mat<3> curvature;
     Near(const Circle& circle, const Vec<3>& p) : d(circle.distance(p)) {
       n = direction<3>(p - circle.nearest(p), d);
-      const Real rho = std::hypot(p[0], p[1]);
+      const Real rho = length_of(p[0], p[1]);
       const Vec<3> radial(p[0] / rho, p[1] / rho, 0), around(-radial[1], radial[0], 0);
       const Real out = n.dot(radial);
       const Vec<3> across = out * Vec<3>(0, 0, 1) - n[2] * radial;
@@ -75,6 +75,7 @@ struct RimContact : LipSettings {
     std::array<Vec<3>, 2> r;
     Law v;
     Real s1;
+    bool near;   ///< whether the edge may touch the lip
     Real t = 0;  ///< the nearest place is r[0] + t (r[1] − r[0])
 
     Rim(const RimContact& term, const StateView<3>& s, Index e) : v{term.epsilon, 0} {
@@ -86,7 +87,8 @@ struct RimContact : LipSettings {
       const Real width = s.topology.diameter[points[0]];
       v.delta = (width + term.thickness) / 2;
       s1 = term.s1 > 0 ? term.s1 : square(width / s.topology.l0[s.topology.particle[points[0]]]);
-      if (near_enough()) t = nearest_to_circle(circle, r[0], r[1]);
+      near = circle.distance((r[0] + r[1]) / 2) < v.delta + (r[1] - r[0]).norm() / 2;
+      if (near) t = nearest_to_circle(circle, r[0], r[1]);
     }
 
     Vec<3> edge() const { return r[1] - r[0]; }
@@ -94,8 +96,7 @@ struct RimContact : LipSettings {
     bool inside() const { return t > 0 && t < 1; }
     std::array<Real, 2> weights() const { return {1 - t, t}; }
     static Real side(int k) { return k == 0 ? -1 : 1; }
-    bool near_enough() const { return circle.distance(r[0]) < v.delta + edge().norm(); }
-    bool touches() const { return near_enough() && v.touches(circle.distance(place())); }
+    bool touches() const { return near && v.touches(circle.distance(place())); }
 
     /// V(edge) − Σ V(end).
     Real sum() const {
@@ -138,7 +139,7 @@ struct RimContact : LipSettings {
 
     // Cosine of the angle between the edge and the lip, c = û·φ̂, with the directions ρ̂ and φ̂ at the middle of the edge;
     // derivatives by the edge u and by its middle M.
-    Real rho() const { return std::hypot(r[0][0] + r[1][0], r[0][1] + r[1][1]) / 2; }
+    Real rho() const { return length_of(r[0][0] + r[1][0], r[0][1] + r[1][1]) / 2; }
     Vec<3> radial() const { return Vec<3>(r[0][0] + r[1][0], r[0][1] + r[1][1], 0) / (2 * rho()); }
     Vec<3> around() const {
       const Vec<3> out = radial();
