@@ -255,7 +255,9 @@ CriticalStep TermSum<D>::critical_step(const Topology& topology, bool walls) con
     if (rates.damping) step.damping = std::min(step.damping, 1 / *rates.damping);
     of_kind[static_cast<std::size_t>(term->kind.elements)] += rates.crowded;
   }
-  // Contacts of different kinds compete for the space around a point: a wall takes the space of half the neighbours.
+  // Where two surfaces lie flat on each other, their edges cross while their vertices touch faces.
+  of_kind[static_cast<std::size_t>(Elements::vertex_faces)] += of_kind[static_cast<std::size_t>(Elements::edge_pairs)];
+  // Other kinds of contacts compete for the space around a point: a wall takes the space of half the neighbours.
   MotionRates contacts;
   for_each_kind([&]<Elements E>(ElementKind<E>) {
     const MotionRates& rates = of_kind[static_cast<std::size_t>(E)];
