@@ -197,7 +197,7 @@ def test_threads_change_no_bit():
     for threads in (1, 2):
         sim = Simulation(surfaces=mesh.placed(centres, 1, [turn(k) for k in range(len(centres))]), mesh=mesh, model="smooth", diameters=0.15,
                          threads=threads, **SHAPE, e_c=10)
-        sim.step(20)
+        sim.step(30)
         ends.append(sim.positions.copy())
     assert len(sim.positions) > 8000 and len(sim.contacts) > 5 and np.array_equal(*ends)
 
