@@ -1,4 +1,5 @@
-"""Two plates press a droplet and elastic shells. The script prints the force on a plate, for the droplet beside the exact force.
+"""Two plates press a droplet, and then elastic shells. The script prints the force on a plate. For the droplet it also
+prints the exact force.
 
 python3 plates.py [--quick]"""
 
