@@ -56,6 +56,20 @@ bool dissipates(ParticleSystem<D>& system, std::span<const Real> x) {
                              [](const TermReport& term) { return !term.is_energy; });
 }
 
+Real total_mass(const Topology& t) {
+  Real sum = 0;
+  for (Index m = 0; m < t.owned(); ++m) sum += t.point_mass[m] * t.points_of(m);
+  return sum;
+}
+
+/// Masses of the coordinates in FIRE: of each point, at a pressure the mean mass of a point for all and for the box.
+std::vector<Real> masses(const Topology& t, bool at_pressure) {
+  if (at_pressure) return {total_mass(t) / t.owned_points()};
+  std::vector<Real> all;
+  for (Index i = 0; i < t.owned_points(); ++i) all.push_back(t.mass(i));
+  return all;
+}
+
 /// Energy or enthalpy of a system as a function of its positions, in the present box, and of the logarithm of the box
 /// length over the present one, which is the last coordinate, times a factor.
 template <int D>
@@ -63,17 +77,13 @@ class Enthalpy {
  public:
   Enthalpy(ParticleSystem<D>& system, Real pressure) : system_(system), pressure_(pressure) {
     const Topology& t = system.topology();
-    for (Index m = 0; m < t.owned(); ++m) mass_ += t.point_mass[m] * t.points_of(m);
-    mean_mass_ = mass_ / t.owned_points();
     volume_ = system.box().volume();
     origin_ = system.box().origin();
     // A crowded particle has contacts whose stiffness adds up to about ω² m, ω the frequency that limits the steps.
     // With this factor the stiffness of the box over the mass is about the same ω².
-    factor_ = std::sqrt(mass_ / (2 * mean_mass_));
+    factor_ = std::sqrt(static_cast<Real>(t.owned_points()) / 2);
     x_.resize(static_cast<std::size_t>(t.owned_points()) * D);
   }
-
-  Real mean_mass() const { return mean_mass_; }
 
   /// Positions for y [own positions, box], and the box of the system with them.
   const std::vector<Real>& place(const Real* y) {
@@ -126,7 +136,7 @@ class Enthalpy {
   }
 
   ParticleSystem<D>& system_;
-  Real pressure_, mass_ = 0, mean_mass_ = 1, volume_ = 0, factor_ = 1, log_length_ = 0;
+  Real pressure_, volume_ = 0, factor_ = 1, log_length_ = 0;
   Vec<D> origin_;
   std::vector<Real> x_, force_;
 };
@@ -229,20 +239,14 @@ Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const Minimise
     force.resize(static_cast<std::size_t>(s.topology.points()) * (D + rotations<D>));
     return force.data();
   };
-  std::vector<Real> mass;
-  if (o.pressure)
-    mass.push_back(1);
-  else
-    for (Index i = 0; i < t.owned_points(); ++i) mass.push_back(t.mass(i));
-  fire_options.energy_tolerance = o.pressure ? fire_options.energy_tolerance : o.energy_per_particle * t.owned();
+  const std::vector<Real> mass = masses(t, o.pressure.has_value());
+  if (!o.pressure) fire_options.energy_tolerance = o.energy_per_particle * t.owned();
   if (o.contacts && PointPacking<D>::suits(system)) {
-    if (o.pressure) mass.front() = Enthalpy<D>(system, *o.pressure).mean_mass();
     result = minimise_points<D>(system, x, mass, o, fire_options);
   } else if (o.pressure) {
     Enthalpy<D> enthalpy(system, *o.pressure);
     std::vector<Real> y(x.begin(), x.end());
     y.push_back(0);
-    mass.front() = enthalpy.mean_mass();
     if (only_energies) fire_options.force = [&](const Real* at, Real* f) { enthalpy(at, f, false); };
     result = fire(
         y, mass, [&](const Real* at, Real* f) { return enthalpy(at, f, true); }, fire_options);

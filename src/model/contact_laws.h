@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <stdexcept>
 #include <string_view>
 
 #include <pliant/kernels/contact_law.h>
@@ -23,6 +24,14 @@ constexpr std::string_view to_string(ContactLaw law) {
       return "linear";
   }
   return "";
+}
+
+/// The law with this name.
+constexpr ContactLaw contact_law(std::string_view name) {
+  for (const ContactLaw law :
+       {ContactLaw::harmonic, ContactLaw::hertz, ContactLaw::barrier, ContactLaw::spring, ContactLaw::linear})
+    if (name == to_string(law)) return law;
+  throw std::invalid_argument("no contact law has this name");
 }
 
 /// The choice among the kinds of these laws, the first being the default.

@@ -56,12 +56,6 @@ void push_disks_apart(const Topology& particles, const Box<D>& box, Real most, s
   });
 }
 
-ContactLaw contact_law(std::string_view name) {
-  for (const ContactLaw law : {ContactLaw::hertz, ContactLaw::linear})
-    if (name == to_string(law)) return law;
-  return ContactLaw::harmonic;
-}
-
 }  // namespace
 
 template <int D>
