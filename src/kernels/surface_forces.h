@@ -3,6 +3,7 @@
 
 #include <array>
 #include <span>
+#include <vector>
 
 #include <pliant/base/types.h>
 #include <pliant/geometry/mesh.h>
@@ -21,9 +22,11 @@ struct SurfaceMesh {
   Index points;
   std::span<const Face> faces;
   std::span<const Hinge> hinges;
-  const Real* rest_area;    ///< [faces]
-  const Real* rest_length;  ///< [hinges]
-  const Real* rest_angle;   ///< [hinges]
+  std::span<const std::array<Index, 2>> corners;   ///< Surface::corners
+  std::span<const std::array<Index, 3>> opposite;  ///< Surface::opposite
+  const Real* rest_area;                           ///< [faces]
+  const Real* rest_length;                         ///< [hinges]
+  const Real* rest_angle;                          ///< [hinges]
 };
 
 /// A few particles with the same mesh.
@@ -35,9 +38,22 @@ struct SurfaceBatch {
   std::array<Real, most> volume;  ///< rest volume
 };
 
-/// Adds the forces −∂U/∂r of these particles to f. x, f [points · 3]. A particle's forces do not depend on the other
-/// particles of the batch.
-void add_surface_forces(const SurfaceLaw& law, const SurfaceMesh& mesh, const SurfaceBatch& batch, const Real* x,
-                        Real* f);
+/// Forces of the shape of all particles with the same mesh.
+struct SurfaceForces {
+  /// The arrays of `shape` live as long as this.
+  SurfaceForces(const SurfaceLaw& coefficients, const SurfaceMesh& shape);
+  /// Adds the forces −∂U/∂r of these particles to f. x, f [points · 3]. A particle's forces do not depend on the other
+  /// particles of the batch.
+  void add(const SurfaceBatch& batch, const Real* x, Real* f) const;
+
+  const SurfaceLaw law;
+  const SurfaceMesh mesh;
+  /// Direction of a hinge at rest.
+  struct Turn {
+    Real cosine, sine;
+  };
+  std::vector<Real> half_inverse_area;  ///< [faces] 1/(2 · rest area)
+  std::vector<Turn> rest;               ///< [hinges] if hinges have rest angles
+};
 
 }  // namespace pliant

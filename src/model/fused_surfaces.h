@@ -21,17 +21,20 @@ struct SurfaceKernel {
     const Range own = s.neighbours.particles(chunk);
     for (Index m = own.first; m < own.last;) {
       const Surface& surface = all.of(topology, m);
-      SurfaceBatch batch{};
-      for (; m < own.last && batch.count < SurfaceBatch::most && &all.of(topology, m) == &surface; ++m) {
-        batch.first[batch.count] = topology.offset[m];
-        batch.scale[batch.count] = all.scale(topology, m);
-        batch.volume[batch.count] = topology.a0[m];
-        ++batch.count;
+      const SurfaceForces forces(law,
+                                 {surface.points(), surface.faces, surface.hinges, surface.corners, surface.opposite,
+                                  surface.rest_area.data(), surface.rest_length.data(), surface.rest_angle.data()});
+      const auto same = [&] { return m < own.last && &all.of(topology, m) == &surface; };
+      while (same()) {
+        SurfaceBatch batch{};
+        for (; same() && batch.count < SurfaceBatch::most; ++m) {
+          batch.first[batch.count] = topology.offset[m];
+          batch.scale[batch.count] = all.scale(topology, m);
+          batch.volume[batch.count] = topology.a0[m];
+          ++batch.count;
+        }
+        forces.add(batch, s.x, f);
       }
-      add_surface_forces(law,
-                         {surface.points(), surface.faces, surface.hinges, surface.rest_area.data(),
-                          surface.rest_length.data(), surface.rest_angle.data()},
-                         batch, s.x, f);
     }
   }
 };

@@ -21,13 +21,18 @@ void connect_parts(Surface& s) {
   s.across.resize(s.faces.size());
   s.around.resize(s.vertices.size());
   s.lowest_face.resize(s.vertices.size());
-  const auto join = [&](Index face, Index start, const Surface::Across& other) {
+  s.corners.resize(s.hinges.size());
+  s.opposite.resize(s.faces.size());
+  const auto place = [&](Index face, Index vertex) {
     const Face& own = s.faces[face];
-    s.across[face][std::ranges::find(own, start) - own.begin()] = other;
+    return static_cast<Index>(std::ranges::find(own, vertex) - own.begin());
   };
-  for (const Hinge& h : s.hinges) {
-    join(h.left, h.a, {h.right, h.d});
-    join(h.right, h.b, {h.left, h.c});
+  for (std::size_t k = 0; k < s.hinges.size(); ++k) {
+    const Hinge& h = s.hinges[k];
+    s.across[h.left][place(h.left, h.a)] = {h.right, h.d};
+    s.across[h.right][place(h.right, h.b)] = {h.left, h.c};
+    s.corners[k] = {place(h.left, h.c), place(h.right, h.d)};
+    s.opposite[h.left][s.corners[k][0]] = s.opposite[h.right][s.corners[k][1]] = static_cast<Index>(k);
     s.around[h.a].push_back(h.b);
     s.around[h.b].push_back(h.a);
   }

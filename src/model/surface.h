@@ -26,9 +26,11 @@ struct Surface {
     Index face;
     Index vertex;  ///< the vertex of that face that does not belong to the edge
   };
-  std::vector<std::array<Across, 3>> across;  ///< [faces] at the edge from each vertex of the face to the next one
-  std::vector<std::vector<Index>> around;     ///< [points] the other ends of the edges at each vertex
-  std::vector<Index> lowest_face;             ///< [points] the lowest number of a face at each vertex
+  std::vector<std::array<Across, 3>> across;   ///< [faces] at the edge from each vertex of the face to the next one
+  std::vector<std::array<Index, 2>> corners;   ///< [hinges] places, 0 to 2, of c and d in the faces left and right
+  std::vector<std::array<Index, 3>> opposite;  ///< [faces] the hinge opposite to each vertex of the face
+  std::vector<std::vector<Index>> around;      ///< [points] the other ends of the edges at each vertex
+  std::vector<Index> lowest_face;              ///< [points] the lowest number of a face at each vertex
 
   Index points() const { return static_cast<Index>(vertices.size()); }
   Real total_rest_area() const;
