@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <initializer_list>
 #include <limits>
 #include <span>
 #include <string>
@@ -132,8 +133,8 @@ class ForceField {
   virtual void dissipative_forces(const StateView<D>& s, Real* f) const = 0;
   /// Each active term by itself, in the order of the model's list; forces by the terms' plain element loops.
   virtual std::vector<TermReport> report(const StateView<D>& s) const = 0;
-  /// Force of the term called `name` alone, written to f [points · D]; zero if the model has no such term.
-  virtual void force_of(std::string_view name, const StateView<D>& s, Real* f) const = 0;
+  /// Sum of the forces of the terms with these names, written to f [points · D]; the model may lack any of them.
+  virtual void force_of(std::initializer_list<std::string_view> names, const StateView<D>& s, Real* f) const = 0;
   /// ∂²U/∂x² of all energy terms. Errors: InputError for a term whose pre-stress cannot be dropped.
   virtual void hessian(const StateView<D>& s, BlockSink<D>& h, PreStress pre_stress = PreStress::kept) const = 0;
   /// ∂F/∂v of all dissipations.

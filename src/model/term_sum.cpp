@@ -209,11 +209,11 @@ std::vector<TermReport> TermSum<D>::report(const StateView<D>& s) const {
 }
 
 template <int D>
-void TermSum<D>::force_of(std::string_view name, const StateView<D>& s, Real* f) const {
+void TermSum<D>::force_of(std::initializer_list<std::string_view> names, const StateView<D>& s, Real* f) const {
   for_each_chunk(s, [&](Index chunk) {
     zero(s, chunk, f);
     for_each_enabled(s, [&](const TermFunctions<D>& term) {
-      if (term.name() == name) term.add_forces(s, nullptr, chunk, f);
+      if (std::ranges::find(names, term.name()) != names.end()) term.add_forces(s, nullptr, chunk, f);
     });
   });
 }

@@ -37,7 +37,7 @@ class TermSum : public ForceField<D> {
   Real power(const StateView<D>& s) const final;
   void dissipative_forces(const StateView<D>& s, Real* f) const final;
   std::vector<TermReport> report(const StateView<D>& s) const final;
-  void force_of(std::string_view name, const StateView<D>& s, Real* f) const final;
+  void force_of(std::initializer_list<std::string_view> names, const StateView<D>& s, Real* f) const final;
   void hessian(const StateView<D>& s, BlockSink<D>& h, PreStress pre_stress = PreStress::kept) const final;
   void damping(const StateView<D>& s, BlockSink<D>& h) const final;
   void for_each_contact(const StateView<D>& s, const std::function<void(const Contact<D>&)>& visit) const final;

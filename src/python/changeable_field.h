@@ -85,7 +85,9 @@ class ChangeableField final : public ForceField<D> {
   Real power(const StateView<D>& s) const override { return field_->power(s); }
   void dissipative_forces(const StateView<D>& s, Real* f) const override { field_->dissipative_forces(s, f); }
   std::vector<TermReport> report(const StateView<D>& s) const override { return field_->report(s); }
-  void force_of(std::string_view name, const StateView<D>& s, Real* f) const override { field_->force_of(name, s, f); }
+  void force_of(std::initializer_list<std::string_view> names, const StateView<D>& s, Real* f) const override {
+    field_->force_of(names, s, f);
+  }
   void hessian(const StateView<D>& s, BlockSink<D>& h, PreStress pre_stress = PreStress::kept) const override {
     field_->hessian(s, h, pre_stress);
   }

@@ -169,9 +169,9 @@ class WallContactFinder {
     std::vector<Real> f(points * std::max(D, rotations<D>) * 2), without(f.size());
     for (const TermReport& term : field_.report({view_.x, view_.v, nobody, none, view_.walls, view_.t})) {
       lists.clear_walls();
-      field_.force_of(term.name, view, without.data());
+      field_.force_of({term.name}, view, without.data());
       const auto add = [&](const auto& to) {
-        field_.force_of(term.name, view, f.data());
+        field_.force_of({term.name}, view, f.data());
         for (Index i = 0; i < topology_.owned_points(); ++i)
           if (const Vec<D> change = point<D>(f.data(), i) - point<D>(without.data(), i); change != Vec<D>::Zero())
             to(i, change);

@@ -68,6 +68,12 @@ def test_they_fall_and_touch(run):
     assert run.series["max_overlap"].max() < 0.5
 
 
+def test_friction_between_surfaces_is_measured(run):
+    touching = run.series["contact_pairs"] > 0
+    assert (run.series["friction_force"][touching] > 0).all() and (run.series["friction_force"][~touching] == 0).all()
+    assert run.summary.get("drag_friction_ratio", {"value": 1})["value"] is not None
+
+
 def test_energy_is_balanced(run):
     audit = run.summary["energy_audit"]
     assert audit["heat"] > 1 and audit["relative_error"] < 0.01

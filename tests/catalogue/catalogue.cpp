@@ -33,7 +33,7 @@ void check_sums(ModelKind kind, Configuration<D> c, const std::vector<std::strin
     sum += f;
     if (r.is_energy) energy_sum += f;
     reported += r.energy;
-    field->force_of(r.name, s, one.data());
+    field->force_of({r.name}, s, one.data());
     CHECK(one == f);
   }
   CHECK(found == names);
@@ -41,7 +41,7 @@ void check_sums(ModelKind kind, Configuration<D> c, const std::vector<std::strin
   CHECK((sum - forces).norm() < 1e-13 * forces.norm());
   CHECK((energy_sum - energy_forces).norm() < 1e-13 * forces.norm());
   CHECK((forces - energy_forces).norm() > 0);
-  field->force_of("depletion", s, one.data());
+  field->force_of({"depletion"}, s, one.data());
   CHECK(one.norm() == 0);
   // Dissipations.
   field->dissipative_forces(s, one.data());

@@ -333,7 +333,7 @@ void check_sums(Random& random, const Configuration<D>& c, ModelKind kind, const
     INFO(r.name);
     const Eigen::Map<const VectorXd> force(r.force.data(), p.size());
     CHECK(force.norm() > 0);
-    field->force_of(r.name, s, one.data());
+    field->force_of({r.name}, s, one.data());
     CHECK(one == force);
     sum += force;
     if (!r.is_energy) dissipation += force;

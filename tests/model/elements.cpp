@@ -224,7 +224,7 @@ TEST_CASE("a term that is added to a model gets its list, and its forces are tho
       energy += term.energy_of(s, p, a);
       term.add_gradient_of(s, p, a, sum);
     }
-  field->force_of("middle", s, forces.data());
+  field->force_of({"middle"}, s, forces.data());
   CHECK(expected.norm() > 1);
   CHECK((forces - expected).norm() < 1e-12 * expected.norm());
   const auto reports = field->report(s);

@@ -74,7 +74,7 @@ std::array<Index, 2> check_balance(Simulation<D>& s) {
   Real size = 0;
   for (const Vec<D>& force : rest) size = std::max(size, force.norm());
   for (const char* term : {"gravity", "drag"}) {
-    s.particles().field().force_of(term, view, f.data());
+    s.particles().field().force_of({term}, view, f.data());
     const std::vector<Vec<D>> sums = sum_on_particles(f);
     REQUIRE(sums[0] != Vec<D>::Zero());
     for (std::size_t m = 0; m < rest.size(); ++m) rest[m] -= sums[m];

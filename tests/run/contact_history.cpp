@@ -390,7 +390,7 @@ TEST_CASE("forces that are computed for output leave the next history as it is")
       CHECK(f != a);
       field.accelerations(elsewhere, g.data());
       field.group_accelerations(elsewhere, TermGroup::all, g.data());
-      field.force_of("tangential", elsewhere, g.data());
+      field.force_of({"tangential"}, elsewhere, g.data());
       CHECK(field.report(elsewhere).size() >= 4);
       CHECK(field.energy(elsewhere, g.data()) > 0);
       CHECK(field.power(elsewhere) >= 0);

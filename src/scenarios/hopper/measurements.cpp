@@ -18,13 +18,13 @@
 namespace pliant {
 namespace {
 
-/// Adds the magnitude of the force of one term on the particles above the orifice line.
+/// Adds the magnitudes of the force of these terms on the particles above the orifice line.
 template <int D>
-Real sum_of_forces(std::string_view term, const ParticleSystem<D>& system, const StateView<D>& view,
-                   const std::vector<Real>& centres, std::vector<Real>& buffer) {
+Real sum_of_forces(std::initializer_list<std::string_view> terms, const ParticleSystem<D>& system,
+                   const StateView<D>& view, const std::vector<Real>& centres, std::vector<Real>& buffer) {
   const Topology& topology = system.topology();
   buffer.resize(static_cast<std::size_t>(topology.points()) * static_cast<std::size_t>(system.coordinates().all()));
-  system.field().force_of(term, view, buffer.data());
+  system.field().force_of(terms, view, buffer.data());
   Real sum = 0;
   for (Index m = 0; m < topology.owned(); ++m) {
     if (!topology.active[m] || !(point<D>(centres.data(), m)[D - 1] > 0)) continue;
@@ -113,20 +113,19 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Conta
   ranks.sum(momentum);
   ranks.sum(weight);
 
-  std::array sums{
-      kinetic,
-      system.field().energy(view) - weight_energy,
-      weight_energy,
-      in_hopper,
-      static_cast<Real>(touching.size()),
-      sum_of_forces<D>("drag", system, view, centres.position, buffer),
-      sum_of_forces<D>("friction", system, view, centres.position, buffer) +
-          sum_of_forces<D>(D == 2 ? "disk_contact" : "sphere_contact", system, view, centres.position, buffer),
-      number_density<D>(orifice_region<D>(container.orifice()), centres.position, active),
-      packing_fraction<D>(bulk_region<D>(container, top), centres.position,
-                          std::span(topology.a0).first(topology.owned()), active),
-      static_cast<Real>(flow.crossed),
-      flow.area};
+  std::array sums{kinetic,
+                  system.field().energy(view) - weight_energy,
+                  weight_energy,
+                  in_hopper,
+                  static_cast<Real>(touching.size()),
+                  sum_of_forces<D>({"drag"}, system, view, centres.position, buffer),
+                  sum_of_forces<D>({"friction", "friction_vertex", "friction_edge", "disk_contact", "sphere_contact"},
+                                   system, view, centres.position, buffer),
+                  number_density<D>(orifice_region<D>(container.orifice()), centres.position, active),
+                  packing_fraction<D>(bulk_region<D>(container, top), centres.position,
+                                      std::span(topology.a0).first(topology.owned()), active),
+                  static_cast<Real>(flow.crossed),
+                  flow.area};
   ranks.sum(sums);
   const auto [kinetic_energy, potential_energy, gravity_energy, above, contact_pairs, drag, friction, density, fraction,
               crossed, crossed_area] = sums;
