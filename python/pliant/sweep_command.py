@@ -237,9 +237,9 @@ def main(arguments_=None):
         print(count_text(states.values()))
         return _code(states.values())
     if given.merge:
-        done = sum(state.kind == "done" for state in write_results(output, folders))
-        print(f"wrote {output / 'results.csv'}: {done} of {len(folders)} rows are done")
-        return 0
+        states = write_results(output, folders)
+        print(f"wrote {output / 'results.csv'}: {sum(state.kind == 'done' for state in states)} of {len(folders)} rows are done")
+        return _code(states)
 
     if given.row is None:
         check_options(given.table, rows, program, base)

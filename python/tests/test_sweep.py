@@ -204,6 +204,7 @@ def test_a_damaged_summary_leaves_the_other_rows(table, tmp_path, run):
     run(path, "--row", 1)
     (tmp_path / "t/x/summary.json").write_text("[]", encoding="utf-8")
     run(path, code=3)
+    run(path, "--merge", code=3)
     results = pd.read_csv(tmp_path / "t/results.csv", index_col="row")
     assert list(results["status"]) == ["failed", "done"] and "summary.json: is damaged" in results["message"]["x"]
 
@@ -671,7 +672,7 @@ def test_results(table, tmp_path, run):
             record = {"run": {"scenario": "hopper", "options": row.options}, "exit_code": 0}
             (tmp_path / "t" / row.id / "row.json").write_text(json.dumps(record), encoding="utf-8")
     (tmp_path / "t/z/run.h5").write_text("damaged", encoding="utf-8")
-    assert "results.csv: 3 of 4 rows are done" in run(path, "--merge")
+    assert "results.csv: 3 of 4 rows are done" in run(path, "--merge", code=75)
     results = pd.read_csv(tmp_path / "t/results.csv", index_col="row")
     assert list(results.index) == ["x", "y", "z", "w"]
     assert list(results["status"]) == ["done", "clogged", "done", "waiting"]

@@ -30,11 +30,12 @@ nlohmann::ordered_json EnergyBudget::json() const {
 }
 
 std::string EnergyBudget::text() const {
-  const std::string sampled =
-      uncertainty == 0 ? ""
-                       : (std::isfinite(uncertainty) ? fmt::format(" ± {:.2g}", 100 * uncertainty / scale()) : " ± ?");
-  return fmt::format("energy: change {:.4g}, work {:.4g}, heat {:.4g}; error {:.2g}{} %", change, work, heat,
-                     100 * relative_error(), sampled);
+  const std::string deviation =
+      std::isfinite(uncertainty) && uncertainty != 0
+          ? fmt::format("{:.2g} ± {:.2g} %", 100 * relative_error(), 100 * uncertainty / scale())
+          : fmt::format("{:.2g} %", 100 * relative_error());
+  return fmt::format("energy: change {:.4g}, work {:.4g}, heat {:.4g}; error {}{}", change, work, heat, deviation,
+                     std::isfinite(uncertainty) ? "" : " (uncertainty unknown: too few samples of the heat)");
 }
 
 void check_energy(const EnergyBudget& budget) {
