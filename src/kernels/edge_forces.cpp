@@ -199,17 +199,19 @@ PLIANT_INLINE void add_all(const EdgeLaw& law, const Data& data, Index n, const 
 
 }  // namespace
 
-PLIANT_MULTIVERSION
 void add_edge_forces(const EdgeLaw& law, std::span<const Pair> pairs, const Real* reach, const Index* next,
                      const Real* x, const Real* v, Real* f) {
-  add_all(law, {pairs.data(), reach, next, x, v}, static_cast<Index>(pairs.size()), Everything{f});
+  run_fast([&]() PLIANT_INLINE_LAMBDA {
+    add_all(law, {pairs.data(), reach, next, x, v}, static_cast<Index>(pairs.size()), Everything{f});
+  });
 }
 
-PLIANT_MULTIVERSION
 void add_edge_forces(const EdgeLaw& law, std::span<const Pair> pairs, const Real* reach, const Index* next,
                      Index own_first, Index own_last, const Real* x, const Real* v, Real* f) {
-  add_all(law, {pairs.data(), reach, next, x, v}, static_cast<Index>(pairs.size()),
-          OwnPoints{f, own_first, static_cast<std::uint32_t>(own_last - own_first)});
+  run_fast([&]() PLIANT_INLINE_LAMBDA {
+    add_all(law, {pairs.data(), reach, next, x, v}, static_cast<Index>(pairs.size()),
+            OwnPoints{f, own_first, static_cast<std::uint32_t>(own_last - own_first)});
+  });
 }
 
 PLIANT_MULTIVERSION

@@ -125,24 +125,12 @@ PLIANT_INLINE void add(const PairLaw& law, std::span<const Pair> pairs, const Re
     add_by_law<D, HarmonicOverlap>(law, pairs, reach, sides, x, v, f);
 }
 
-PLIANT_MULTIVERSION void add_2d(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides,
-                                const Real* x, const Real* v, Real* f) {
-  add<2>(law, pairs, reach, sides, x, v, f);
-}
-PLIANT_MULTIVERSION void add_3d(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides,
-                                const Real* x, const Real* v, Real* f) {
-  add<3>(law, pairs, reach, sides, x, v, f);
-}
-
 }  // namespace
 
 template <int D>
 void add_pair_forces(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides, const Real* x,
                      const Real* v, Real* f) {
-  if constexpr (D == 2)
-    add_2d(law, pairs, reach, sides, x, v, f);
-  else
-    add_3d(law, pairs, reach, sides, x, v, f);
+  simd::run_fast([&]() PLIANT_INLINE_LAMBDA { add<D>(law, pairs, reach, sides, x, v, f); });
 }
 template void add_pair_forces<2>(const PairLaw&, std::span<const Pair>, const Real*, Sides, const Real*, const Real*,
                                  Real*);

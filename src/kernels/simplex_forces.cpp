@@ -345,17 +345,15 @@ PLIANT_INLINE void add_near(std::span<const SimplexPair> pairs, Real range, cons
 
 }  // namespace
 
-PLIANT_MULTIVERSION
 void add_vertex_face_forces(const SimplexLaw& law, std::span<const SimplexPair> pairs, PointRange own, const Real* x,
                             const Real* v, Real* f, std::vector<Index>& on_rim) {
-  add_all<VertexFaces>(law, pairs, own, x, v, f, on_rim);
+  run_fast([&]() PLIANT_INLINE_LAMBDA { add_all<VertexFaces>(law, pairs, own, x, v, f, on_rim); });
 }
 
-PLIANT_MULTIVERSION
 void add_edge_pair_forces(const SimplexLaw& law, std::span<const SimplexPair> pairs, PointRange own, const Real* x,
                           const Real* v, Real* f) {
   std::vector<Index> none;
-  add_all<EdgePairs>(law, pairs, own, x, v, f, none);
+  run_fast([&]() PLIANT_INLINE_LAMBDA { add_all<EdgePairs>(law, pairs, own, x, v, f, none); });
 }
 
 PLIANT_MULTIVERSION

@@ -112,8 +112,8 @@ PLIANT_INLINE void add_normals(const SurfaceForces& s, Real4 volume_force, Vecto
   }
 }
 
-PLIANT_MULTIVERSION void add_forces(const SurfaceForces& s, const SurfaceBatch& batch, const Real* x, Real* f,
-                                    Vector4* r, Vector4* sum, Face4* faces, Bending4* bending) {
+PLIANT_INLINE void add_forces(const SurfaceForces& s, const SurfaceBatch& batch, const Real* x, Real* f, Vector4* r,
+                              Vector4* sum, Face4* faces, Bending4* bending) {
   // Missing particles of a batch are copies of its last one.
   const Real* from[SurfaceBatch::most];
   for (int k = 0; k < SurfaceBatch::most; ++k)
@@ -159,7 +159,10 @@ void SurfaceForces::add(const SurfaceBatch& batch, const Real* x, Real* f) const
   SurfaceBatch whole = batch;
   for (int k = batch.count; k < SurfaceBatch::most; ++k)
     whole.scale[k] = batch.scale[batch.count - 1], whole.volume[k] = batch.volume[batch.count - 1];
-  add_forces(*this, whole, x, f, scratch.r.data(), scratch.f.data(), scratch.faces.data(), scratch.bending.data());
+  Vector4 *const r = scratch.r.data(), *const sum = scratch.f.data();
+  Face4* const faces = scratch.faces.data();
+  Bending4* const bending = scratch.bending.data();
+  simd::run_fast([&]() PLIANT_INLINE_LAMBDA { add_forces(*this, whole, x, f, r, sum, faces, bending); });
 }
 
 }  // namespace pliant

@@ -108,33 +108,17 @@ PLIANT_INLINE void add(WallLaw law, std::span<const Pair> pairs, const WallSegme
     add_all<D, HarmonicOverlap, plain>(law, pairs, walls, diameter, x, f);
 }
 
-PLIANT_MULTIVERSION void add_plain_2d(WallLaw law, std::span<const Pair> pairs, const WallSegment* walls,
-                                      const Real* diameter, const Real* x, Real* f) {
-  add<2, true>(law, pairs, walls, diameter, x, f);
-}
-PLIANT_MULTIVERSION void add_any_2d(WallLaw law, std::span<const Pair> pairs, const WallSegment* walls,
-                                    const Real* diameter, const Real* x, Real* f) {
-  add<2, false>(law, pairs, walls, diameter, x, f);
-}
-PLIANT_MULTIVERSION void add_plain_3d(WallLaw law, std::span<const Pair> pairs, const WallSegment* walls,
-                                      const Real* diameter, const Real* x, Real* f) {
-  add<3, true>(law, pairs, walls, diameter, x, f);
-}
-PLIANT_MULTIVERSION void add_any_3d(WallLaw law, std::span<const Pair> pairs, const WallSegment* walls,
-                                    const Real* diameter, const Real* x, Real* f) {
-  add<3, false>(law, pairs, walls, diameter, x, f);
-}
-
 }  // namespace
 
 template <int D>
 void add_wall_forces(const WallLaw& law, std::span<const Pair> pairs, const Walls<D>& walls, const Real* diameter,
                      const Real* x, Real* f) {
   const WallSegment* const parts = walls.parts().data();
-  if constexpr (D == 2)
-    (walls.plain() ? add_plain_2d : add_any_2d)(law, pairs, parts, diameter, x, f);
+  const WallLaw copy = law;  // which stores cannot change
+  if (walls.plain())
+    simd::run_fast([&]() PLIANT_INLINE_LAMBDA { add<D, true>(copy, pairs, parts, diameter, x, f); });
   else
-    (walls.plain() ? add_plain_3d : add_any_3d)(law, pairs, parts, diameter, x, f);
+    simd::run_fast([&]() PLIANT_INLINE_LAMBDA { add<D, false>(copy, pairs, parts, diameter, x, f); });
 }
 template void add_wall_forces<2>(const WallLaw&, std::span<const Pair>, const Walls<2>&, const Real*, const Real*,
                                  Real*);
