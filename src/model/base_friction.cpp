@@ -190,11 +190,20 @@ PLIANT_INLINE DisksOnBase disks(const StateView<2>& s) {
 }
 
 /// visit(first, count, disks) for eight disks of a range at a time. Fewer, four or the rest, are filled up
-/// with copies of the last: four make the same bits as if they were half of eight.
-template <class Visit>
+/// with copies of the last: four make the same bits as if they were half of eight. once: visit is inlined in one place.
+template <bool once, class Visit>
 PLIANT_INLINE void for_each_eight(const StateView<2>& s, Range range, Visit&& visit) {
   const DisksOnBase all = disks(s);
   Index i = range.first;
+  if constexpr (once) {
+    FewDisks few;
+    for (Index count; i < range.last; i += count) {
+      const Index left = range.last - i;
+      count = left >= 8 ? 8 : std::min(left, Index(4));
+      visit(i, count, count == 8 ? all.from(i) : few.fill(all.from(i), count));
+    }
+    return;
+  }
   for (; i + 8 <= range.last; i += 8) visit(i, 8, all.from(i));
   FewDisks few;
   if (i + 4 <= range.last) {
@@ -222,16 +231,16 @@ struct PastOnBase {
   }
 };
 
-PLIANT_MULTIVERSION void add_range(const BaseFriction& base, const StateView<2>& s, Range range,
-                                   const ContactTable& table, ContactWorkspace& workspace,
-                                   const Scatter<2, 1>& scatter) {
+template <bool once>
+PLIANT_INLINE void add_range(const BaseFriction& base, const StateView<2>& s, Range range, const ContactTable& table,
+                             ContactWorkspace& workspace, const Scatter<2, 1>& scatter) {
   if (range.size() == 0) return;
   const BaseFriction law = base;  // local copy, which stores cannot change
   const ContactTable::CurrentRows<BaseFriction::history> past(table);
   const Scatter<2, 1> force = scatter;
   Real* next = ContactWorkspace::Next<BaseFriction::history>(table, workspace).set(range);
   Real4 damped{}, slid{};
-  for_each_eight(s, range, [&](Index first, Index count, const DisksOnBase& d) PLIANT_INLINE_LAMBDA {
+  for_each_eight<once>(s, range, [&](Index first, Index count, const DisksOnBase& d) PLIANT_INLINE_LAMBDA {
     EightOnBase eight(law);
     const Real* const kept = count == 8 ? past.all({first, first + count}) : nullptr;
     PastOnBase gathered;
@@ -311,7 +320,10 @@ std::array<Real, 3> BaseFriction::damped(const StateView<2>& s, const Touch& c) 
 
 void BaseFriction::add_forces(const StateView<2>& s, Range range, const ContactTable& table,
                               ContactWorkspace& workspace, const Scatter<2, 1>& force) const {
-  add_range(*this, s, range, table, workspace, force);
+  if (simd::fast())
+    simd::run_fast([&]() PLIANT_INLINE_LAMBDA { add_range<false>(*this, s, range, table, workspace, force); });
+  else
+    add_range<true>(*this, s, range, table, workspace, force);
 }
 
 }  // namespace pliant
