@@ -15,7 +15,7 @@ if (($# > 0)); then
   for folder in "$@"; do
     [[ -d $root/src/$folder ]] || die "src/$folder is not there"
     for source in "${sources[@]}"; do
-      [[ $source == */pliant_"$folder".dir/* || $source == "$root/src/$folder"/* ]] && wanted+=("$source")
+      [[ $source == */pliant_"$folder"?(_*).dir/* || $source == "$root/src/$folder"/* ]] && wanted+=("$source")
     done
   done
   sources=("${wanted[@]}")
