@@ -6,6 +6,7 @@
 
 #include <pliant/base/errors.h>
 #include <pliant/kernels/finite.h>
+#include <pliant/model/chunks.h>
 
 namespace pliant {
 namespace {
@@ -28,7 +29,61 @@ void check(const FireOptions& o, std::size_t n, std::span<const Real> mass) {
         o.grow, o.shrink, o.alpha, o.alpha_shrink, o.delay, o.max_iterations, o.max_move, o.force_tolerance);
 }
 
-using Array = Eigen::Map<Eigen::ArrayXd>;
+using ArrayMap = Eigen::Map<Eigen::ArrayXd>;
+
+/// BlockSums of a block of coordinates.
+struct BlockSums {
+  std::size_t bad = 0;  ///< first coordinate with a force that is not finite; the end of the block if there is none
+  Real power = 0, force_norm = 0, largest_force = 0, speed_square = 0, largest_speed = 0;
+};
+
+/// Coordinates in blocks, one after the other in memory, which threads share. Sums over blocks are added in their
+/// order, so that results do not depend on the number of threads.
+class CoordinateBlocks {
+ public:
+  explicit CoordinateBlocks(Eigen::Index coordinates)
+      : coordinates_(coordinates), sums_(static_cast<std::size_t>((coordinates + size - 1) / size)) {}
+
+  /// visit(first, count, sums) for each block.
+  template <class Visit>
+  void each(Visit&& visit) {
+    for_each_chunk(static_cast<Index>(sums_.size()), [&](Index block) {
+      const Eigen::Index first = block * size;
+      visit(first, std::min(size, coordinates_ - first), sums_[static_cast<std::size_t>(block)]);
+    });
+  }
+  Real sum(Real BlockSums::*of) const {
+    Real sum = 0;
+    for (const BlockSums& block : sums_) sum += block.*of;
+    return sum;
+  }
+  Real largest(Real BlockSums::*of) const {
+    Real largest = 0;
+    for (const BlockSums& block : sums_) largest = std::max(largest, block.*of);
+    return largest;
+  }
+  /// The root of the sum of squares, which may underflow before the numbers do.
+  Real norm(Real BlockSums::*of) const {
+    const Real unit = largest(of);
+    Real sum = 0;
+    for (const BlockSums& block : sums_) sum += block.*of / unit * (block.*of / unit);
+    return unit * std::sqrt(sum);
+  }
+  /// First coordinate with a force that is not finite, or the number of coordinates.
+  std::size_t bad() const {
+    std::size_t end = 0;
+    for (const BlockSums& block : sums_) {
+      end += static_cast<std::size_t>(size);
+      if (block.bad < end && block.bad < static_cast<std::size_t>(coordinates_)) return block.bad;
+    }
+    return static_cast<std::size_t>(coordinates_);
+  }
+
+ private:
+  static constexpr Eigen::Index size = 16384;  ///< three arrays of a block fit into the second-level cache
+  Eigen::Index coordinates_;
+  std::vector<BlockSums> sums_;
+};
 
 }  // namespace
 
@@ -36,13 +91,15 @@ FireResult fire(std::span<Real> x_in, std::span<const Real> mass, const EnergyAn
                 const FireOptions& o) {
   check(o, x_in.size(), mass);
   const auto n = static_cast<Eigen::Index>(x_in.size());
-  Array x(x_in.data(), n);
-  Eigen::ArrayXd v = Eigen::ArrayXd::Zero(n), f(n), inverse_mass;
+  Real* const x = x_in.data();
+  Eigen::ArrayXd v(n), f(n), inverse_mass;
   if (mass.size() > 1) {
     inverse_mass.resize(n);
     const Eigen::Index shared = n / static_cast<Eigen::Index>(mass.size());
     for (Eigen::Index i = 0; i < n; ++i) inverse_mass[i] = 1 / mass[i / shared];
   }
+  CoordinateBlocks blocks(n);
+  blocks.each([&](Eigen::Index first, Eigen::Index count, BlockSums&) { v.segment(first, count).setZero(); });
   const Real dt_min = o.dt_min > 0 ? o.dt_min : 0.02 * o.dt;
   Real dt = o.dt, alpha = o.alpha;
   int downhill = 0;
@@ -51,18 +108,24 @@ FireResult fire(std::span<Real> x_in, std::span<const Real> mass, const EnergyAn
   while (true) {
     const bool with_energy = !o.force || result.iterations % 10 == 0 || result.iterations == o.max_iterations;
     if (with_energy)
-      result.energy = energy_and_force(x.data(), f.data());
+      result.energy = energy_and_force(x, f.data());
     else
-      o.force(x.data(), f.data());
+      o.force(x, f.data());
     ++result.evaluations;
-    const std::size_t bad = first_non_finite(f.data(), x_in.size());
-    if (bad != x_in.size())
+    blocks.each([&](Eigen::Index first, Eigen::Index count, BlockSums& sums) {
+      const auto force = f.segment(first, count);
+      sums.bad = static_cast<std::size_t>(first) + first_non_finite(force.data(), static_cast<std::size_t>(count));
+      sums.largest_force = force.abs().maxCoeff();
+      sums.force_norm = force.matrix().stableNorm();  // f·f underflows before f does
+      sums.power = (force * v.segment(first, count)).sum();
+    });
+    if (const std::size_t bad = blocks.bad(); bad != x_in.size())
       throw NumericalError("FIRE: the force on coordinate {} is {} in iteration {}; reduce dt_max or set max_move", bad,
                            f[static_cast<Eigen::Index>(bad)], result.iterations);
     if (!std::isfinite(result.energy))
       throw NumericalError("FIRE: the energy is {} in iteration {}; reduce dt_max or set max_move", result.energy,
                            result.iterations);
-    result.max_force = n > 0 ? f.abs().maxCoeff() : 0;
+    result.max_force = blocks.largest(&BlockSums::largest_force);
     const auto finish = [&](FireStop stop, std::string reason) {
       result.stop = stop;
       result.converged = stop != FireStop::iterations;
@@ -70,19 +133,20 @@ FireResult fire(std::span<Real> x_in, std::span<const Real> mass, const EnergyAn
       return result;
     };
     if (result.max_force <= o.force_tolerance) {
-      if (!with_energy) result.energy = energy_and_force(x.data(), f.data());
+      if (!with_energy) result.energy = energy_and_force(x, f.data());
       return finish(FireStop::force,
                     fmt::format("largest force {:.3g} within {:.3g}", result.max_force, o.force_tolerance));
     }
     if (with_energy && std::abs(result.energy) <= o.energy_tolerance)
       return finish(FireStop::energy, fmt::format("energy {:.3g} within {:.3g}", result.energy, o.energy_tolerance));
-    if (with_energy && o.done && o.done(x.data())) return finish(FireStop::done, "done");
+    if (with_energy && o.done && o.done(x)) return finish(FireStop::done, "done");
     if (result.iterations == o.max_iterations)
       return finish(FireStop::iterations, fmt::format("limit of {} iterations reached with largest force {:.3g}",
                                                       o.max_iterations, result.max_force));
     ++result.iterations;
 
-    if ((f * v).sum() > 0) {
+    const bool uphill = !(blocks.sum(&BlockSums::power) > 0);
+    if (!uphill) {
       if (++downhill > o.delay) {
         dt = std::min(dt * o.grow, o.dt_max);
         alpha *= o.alpha_shrink;
@@ -93,18 +157,39 @@ FireResult fire(std::span<Real> x_in, std::span<const Real> mass, const EnergyAn
         dt = std::max(dt * o.shrink, dt_min);
         alpha = o.alpha;
       }
-      x -= 0.5 * dt * v;
-      v.setZero();
     }
-    if (mass.size() > 1)
-      v += dt * f * inverse_mass;
-    else
-      v += dt / mass.front() * f;
-    const Real f_norm = f.matrix().stableNorm();  // f·f underflows before f does
-    v = (1 - alpha) * v + (alpha * v.matrix().norm() / f_norm) * f;
-    const Real move = dt * v.abs().maxCoeff();
-    if (o.max_move > 0 && move > o.max_move) v *= o.max_move / move;
-    x += dt * v;
+    // Uphill it goes back half a step, and stops.
+    const Real back = 0.5 * dt;
+    blocks.each([&](Eigen::Index first, Eigen::Index count, BlockSums& sums) {
+      auto velocity = v.segment(first, count);
+      const auto force = f.segment(first, count);
+      if (uphill) {
+        ArrayMap(x + first, count) -= back * velocity;
+        velocity.setZero();
+      }
+      if (mass.size() > 1)
+        velocity += dt * force * inverse_mass.segment(first, count);
+      else
+        velocity += dt / mass.front() * force;
+      sums.speed_square = velocity.matrix().squaredNorm();
+    });
+    const Real kept = 1 - alpha,
+               turned = alpha * std::sqrt(blocks.sum(&BlockSums::speed_square)) / blocks.norm(&BlockSums::force_norm);
+    blocks.each([&](Eigen::Index first, Eigen::Index count, BlockSums& sums) {
+      auto velocity = v.segment(first, count);
+      velocity = kept * velocity + turned * f.segment(first, count);
+      if (o.max_move > 0)
+        sums.largest_speed = velocity.abs().maxCoeff();
+      else
+        ArrayMap(x + first, count) += dt * velocity;
+    });
+    if (!(o.max_move > 0)) continue;
+    const Real move = dt * blocks.largest(&BlockSums::largest_speed), part = o.max_move / move;
+    blocks.each([&](Eigen::Index first, Eigen::Index count, BlockSums&) {
+      auto velocity = v.segment(first, count);
+      if (move > o.max_move) velocity *= part;
+      ArrayMap(x + first, count) += dt * velocity;
+    });
   }
 }
 

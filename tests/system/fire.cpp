@@ -1,4 +1,6 @@
 // FIRE finds minima and returns the reason of its stop.
+#include <omp.h>
+
 #include <Eigen/Dense>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -256,6 +258,43 @@ TEST_CASE("FIRE reports values that are not finite") {
                            return nan;
                          }),
                     Contains("the energy is nan"));
+}
+
+TEST_CASE("FIRE takes the same path with any number of threads") {
+  // More coordinates than a thread takes at a time, of which the last part is not full.
+  constexpr std::size_t n = 100001;
+  Bowl bowl;
+  std::vector<Real> start;
+  std::mt19937 random(1);
+  for (std::size_t i = 0; i < n; ++i) {
+    bowl.stiffness.push_back(1 + static_cast<Real>(i % 7));
+    start.push_back(static_cast<Real>(i) + std::uniform_real_distribution<Real>(-1, 1)(random));
+  }
+  FireOptions o;
+  o.force_tolerance = 1e-6;
+  o.dt_max = 0.3;
+  o.max_move = GENERATE(0, 0.01);
+  const std::vector<Real> mass = GENERATE(std::vector<Real>{1}, std::vector<Real>(n, 2));
+  const int before = omp_get_max_threads();
+  const auto with_threads = [&](int threads) {
+    std::vector<Real> x = start;
+    omp_set_num_threads(threads);
+    const FireResult r = fire(x, mass, bowl, o);
+    omp_set_num_threads(before);
+    REQUIRE(r.stop == FireStop::force);
+    return std::pair(r.iterations, x);
+  };
+  const auto alone = with_threads(1);
+  CHECK(with_threads(3) == alone);
+  Real farthest = 0;
+  for (std::size_t i = 0; i < n; ++i) farthest = std::max(farthest, std::abs(alone.second[i] - static_cast<Real>(i)));
+  CHECK(farthest <= 1e-6 * (1 + 1e-3));
+  const auto bad_force = [&](const Real* x, Real* f) {
+    const Real energy = bowl(x, f);
+    f[70000] = f[90000] = std::numeric_limits<Real>::infinity();
+    return energy;
+  };
+  CHECK_THROWS_WITH(fire(start, mass, bad_force), Contains("coordinate 70000 "));
 }
 
 TEST_CASE("FIRE refuses options and sizes out of range") {
