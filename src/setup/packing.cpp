@@ -1,12 +1,16 @@
 #include <pliant/setup/packing.h>
 
+#include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include <pliant/base/cure.h>
 #include <pliant/base/rng.h>
 #include <pliant/catalogue/catalogue.h>
 #include <pliant/catalogue/parameter_values.h>
+#include <pliant/model/chunks.h>
 #include <pliant/setup/particles.h>
 #include <pliant/setup/streams.h>
 #include <pliant/system/fire.h>
@@ -39,14 +43,35 @@ void random_place(const Container& container, const Walls<D>& walls, Real height
       most_attempts);
 }
 
-/// Of points among each other and with walls, over the distance of contact.
+/// Largest overlap over the contact distance, of points among each other and with walls; or any one above `enough`.
 template <int D>
-Real largest_overlap(ParticleSystem<D>& system, const Real* x) {
+Real largest_overlap(ParticleSystem<D>& system, const Real* x, Real enough = std::numeric_limits<Real>::infinity()) {
   const StateView<D> s = system.view(x, nullptr);
   Real largest = 0;
-  system.field().for_each_contact(s, [&](const Contact<D>& c) { largest = std::max(largest, c.overlap); });
   for (const auto& [i, wall] : s.neighbours.walls)
     largest = std::max(largest, 1 - 2 * s.walls.distance(s.position(i), wall, s.t) / s.topology.diameter[i]);
+  if (largest > enough) return largest;
+  if (s.topology.deformable()) {
+    system.field().for_each_contact(s, [&](const Contact<D>& c) { largest = std::max(largest, c.overlap); });
+    return largest;
+  }
+  // All contacts of disks and spheres are in one list, whose parts threads share.
+  constexpr Index at_once = 4096;
+  const PairList& pairs = s.neighbours.point_pairs;
+  std::vector<Real> most((static_cast<std::size_t>(pairs.size()) + at_once - 1) / at_once, 0);
+  std::atomic<bool> found = false;
+  for_each_chunk(static_cast<Index>(most.size()), [&](Index part) {
+    if (found) return;
+    Real here = 0;
+    const Index first = part * at_once, last = std::min(first + at_once, pairs.size());
+    for (Index e = first; e < last && !(here > enough); ++e) {
+      const auto [i, j] = pairs[e];
+      here = std::max(here, 1 - (s.position(i) - s.position(j)).norm() / pairs.reach[e]);
+    }
+    most[static_cast<std::size_t>(part)] = here;
+    if (here > enough) found = true;
+  });
+  for (const Real here : most) largest = std::max(largest, here);
   return largest;
 }
 
@@ -71,15 +96,17 @@ Relaxed push_apart(ParticleSystem<D>& system, FireOptions options, Real toleranc
   options.force = [&](const Real* r, Real* f) { system.field().forces(system.view(r, nullptr), f); };
   options.done = [&](const Real* r) {
     if (check) check();
-    relaxed.max_overlap = largest_overlap<D>(system, r);
-    return relaxed.max_overlap <= tolerance && inside(r);
+    return largest_overlap<D>(system, r, tolerance) <= tolerance && inside(r);
   };
-  const FireResult result = fire(
-      x, std::span(&mass, 1), [&](const Real* r, Real* f) { return system.field().energy(system.view(r, nullptr), f); },
-      options);
+  const EnergyAndForce without_energy = [&](const Real* r, Real* f) {
+    options.force(r, f);
+    return Real(0);  // overlaps, not the energy, end the iterations
+  };
+  const FireResult result = fire(x, std::span(&mass, 1), without_energy, options);
   relaxed.iterations = result.iterations;
   relaxed.reason = result.reason;
-  relaxed.done = options.done(x.data());
+  relaxed.max_overlap = largest_overlap<D>(system, x.data());
+  relaxed.done = relaxed.max_overlap <= tolerance && inside(x.data());
   return relaxed;
 }
 
