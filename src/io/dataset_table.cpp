@@ -171,16 +171,17 @@ UnitNames unit_names(const Manifest& manifest) {
 
 }  // namespace
 
-nlohmann::ordered_json dataset_table(const Manifest& manifest) {
-  const int d = manifest.dim;
+std::string dataset_table(const Manifest& manifest) {
   const UnitNames names = unit_names(manifest);
-  nlohmann::ordered_json table;
-  for (const auto& [path, units, description] : dataset_entries)
-    table[path] = {{"units", fmt::format(fmt::runtime(units), fmt::arg("L", names.length), fmt::arg("T", names.time),
+  std::string table;  // written directly: to make a tree of JSON takes as long as dozens of datasets
+  for (const auto& [path, units, description] : dataset_entries) {
+    const std::string unit = fmt::format(fmt::runtime(units), fmt::arg("L", names.length), fmt::arg("T", names.time),
                                          fmt::arg("F", names.force), fmt::arg("M", names.mass),
-                                         fmt::arg("E", names.energy), fmt::arg("D", d))},
-                   {"description", description}};
-  return table;
+                                         fmt::arg("E", names.energy), fmt::arg("D", manifest.dim));
+    table +=
+        fmt::format(R"({}"{}":{{"units":"{}","description":"{}"}})", table.empty() ? "" : ",", path, unit, description);
+  }
+  return "{" + table + "}";
 }
 
 }  // namespace pliant

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <exception>
+#include <functional>
 #include <mutex>
 #include <numeric>
 #include <optional>
@@ -160,8 +161,27 @@ Id disk_access(JournaledFile& disk) {
   return access;
 }
 
+constexpr std::size_t memory_step = 1 << 18;  ///< bytes by which a file in memory grows
 constexpr const char* crc32_name = "crc32";
 constexpr const char* members_name = "members";
+
+/// A list of properties for all objects of a kind, because HDF5 takes as long to make one as a small dataset. It
+/// remains until the program ends.
+hid_t lasting(hid_t kind, const std::function<void(const Id&)>& set) {
+  Id list(H5Pcreate(kind));
+  set(list);
+  return list.release();
+}
+
+/// The space of a single value.
+hid_t scalar() {
+  static const hid_t lasting_space = [] {
+    Id space(H5Screate(H5S_SCALAR));
+    require_memory(space.valid() ? 0 : -1);
+    return space.release();
+  }();
+  return lasting_space;
+}
 
 /// For groups: few links, stored in the group's header.
 void keep_links_in_header(const Id& properties) {
@@ -169,10 +189,9 @@ void keep_links_in_header(const Id& properties) {
   require_memory(H5Pset_est_link_info(properties.get(), 16, 14));
 }
 
-Id few_links() {
-  Id properties(H5Pcreate(H5P_GROUP_CREATE));
-  keep_links_in_header(properties);
-  return properties;
+hid_t few_links() {
+  static const hid_t list = lasting(H5P_GROUP_CREATE, keep_links_in_header);
+  return list;
 }
 
 Id new_file() {
@@ -268,11 +287,21 @@ std::optional<std::pair<std::uint32_t, std::uint32_t>> crc32_of_rows(const Id& d
 }
 
 /// Creates the groups in the path of a name, as `mkdir -p` does.
-Id creating_parents() {
-  Id properties(H5Pcreate(H5P_LINK_CREATE));
-  require_memory(H5Pset_create_intermediate_group(properties.get(), 1));
-  require_memory(H5Pset_char_encoding(properties.get(), H5T_CSET_UTF8));
-  return properties;
+hid_t creating_parents() {
+  static const hid_t list = lasting(H5P_LINK_CREATE, [](const Id& properties) {
+    require_memory(H5Pset_create_intermediate_group(properties.get(), 1));
+    require_memory(H5Pset_char_encoding(properties.get(), H5T_CSET_UTF8));
+  });
+  return list;
+}
+
+/// Datasets whose values all get written: with their space in the file at once, so that ranks can write to it.
+hid_t written_whole() {
+  static const hid_t list = lasting(H5P_DATASET_CREATE, [](const Id& properties) {
+    require_memory(H5Pset_fill_time(properties.get(), H5D_FILL_TIME_NEVER));
+    require_memory(H5Pset_alloc_time(properties.get(), H5D_ALLOC_TIME_EARLY));
+  });
+  return list;
 }
 
 /// Names of the links of a group; nothing where they cannot be read.
@@ -331,7 +360,7 @@ void Group::fail_write(const std::string& name) const { fail_to_write(full(name)
 
 Group Group::create_group(const std::string& name) {
   const Quiet quiet;
-  Id group(H5Gcreate2(id_.get(), name.c_str(), creating_parents().get(), few_links().get(), H5P_DEFAULT));
+  Id group(H5Gcreate2(id_.get(), name.c_str(), creating_parents(), few_links(), H5P_DEFAULT));
   if (!group.valid()) fail_write(name);
   return {std::move(group), file_, full(name)};
 }
@@ -345,7 +374,7 @@ Group Group::open_group(const std::string& name) const {
 
 Group Group::create_unlinked_group() {
   const Quiet quiet;
-  Id group(H5Gcreate_anon(id_.get(), few_links().get(), H5P_DEFAULT));
+  Id group(H5Gcreate_anon(id_.get(), few_links(), H5P_DEFAULT));
   if (!group.valid()) fail_write("(new group)");
   return {std::move(group), file_, full("(new group)")};
 }
@@ -353,12 +382,12 @@ Group Group::create_unlinked_group() {
 void Group::link(const Group& group, const std::string& name) {
   if (has(name)) remove(name);
   const Quiet quiet;
-  if (H5Olink(group.id_.get(), id_.get(), name.c_str(), creating_parents().get(), H5P_DEFAULT) < 0) fail_write(name);
+  if (H5Olink(group.id_.get(), id_.get(), name.c_str(), creating_parents(), H5P_DEFAULT) < 0) fail_write(name);
 }
 
 void Group::link(const std::string& existing, const std::string& name) {
   const Quiet quiet;
-  if (H5Lcreate_hard(id_.get(), existing.c_str(), id_.get(), name.c_str(), creating_parents().get(), H5P_DEFAULT) < 0)
+  if (H5Lcreate_hard(id_.get(), existing.c_str(), id_.get(), name.c_str(), creating_parents(), H5P_DEFAULT) < 0)
     fail_write(name);
 }
 
@@ -370,7 +399,7 @@ bool Group::has_group(const std::string& name) const {
 void Group::copy_content(std::string_view image) {
   const Quiet quiet;
   const Id access = file_access();
-  require_memory(H5Pset_fapl_core(access.get(), std::size_t{1} << 20, false));
+  require_memory(H5Pset_fapl_core(access.get(), memory_step, false));
   // HDF5 does not change the image, though its function takes a pointer to bytes that may be changed.
   require_memory(H5Pset_file_image(access.get(), const_cast<char*>(image.data()), image.size()));
   const Id file(H5Fopen("(copied content)", H5F_ACC_RDONLY, access.get()));
@@ -411,19 +440,18 @@ namespace {
 
 /// The attribute with the CRC-32 of a dataset; invalid on errors.
 Id new_crc32(const Id& dataset, std::uint32_t value) {
-  const Id space(H5Screate(H5S_SCALAR));
-  Id attribute(H5Acreate2(dataset.get(), crc32_name, H5T_NATIVE_UINT32, space.get(), H5P_DEFAULT, H5P_DEFAULT));
+  Id attribute(H5Acreate2(dataset.get(), crc32_name, H5T_NATIVE_UINT32, scalar(), H5P_DEFAULT, H5P_DEFAULT));
   if (attribute.valid() && H5Awrite(attribute.get(), H5T_NATIVE_UINT32, &value) < 0) return {};
   return attribute;
 }
 
 }  // namespace
 
-Id Group::create_dataset(const std::string& name, Type type, const Shape& shape, const Id& properties) {
+Id Group::new_dataset(const std::string& name, Type type, const Shape& shape, std::int64_t properties) {
   const Quiet quiet;
   const Id space(H5Screate_simple(static_cast<int>(shape.size()), dims(shape), nullptr));
-  Id dataset(H5Dcreate2(id_.get(), name.c_str(), native(type), space.get(), creating_parents().get(), properties.get(),
-                        H5P_DEFAULT));
+  Id dataset(
+      H5Dcreate2(id_.get(), name.c_str(), native(type), space.get(), creating_parents(), properties, H5P_DEFAULT));
   if (!dataset.valid()) fail_write(name);
   return dataset;
 }
@@ -459,15 +487,13 @@ class LaterFormat {
 
 Dataset Group::create_dataset(const std::string& name, Type type, const Shape& shape, int deflate) {
   const Quiet quiet;
+  if (deflate == 0 || product(shape) == 0)
+    return {new_dataset(name, type, shape, written_whole()), type, file_, full(name)};
   const Id properties(H5Pcreate(H5P_DATASET_CREATE));
   require_memory(H5Pset_fill_time(properties.get(), H5D_FILL_TIME_NEVER));
-  if (deflate > 0 && product(shape) > 0) {
-    const LaterFormat later(id_);
-    compress(properties, type, shape, deflate);
-    return {create_dataset(name, type, shape, properties), type, file_, full(name)};
-  }
-  require_memory(H5Pset_alloc_time(properties.get(), H5D_ALLOC_TIME_EARLY));
-  return {create_dataset(name, type, shape, properties), type, file_, full(name)};
+  const LaterFormat later(id_);
+  compress(properties, type, shape, deflate);
+  return {new_dataset(name, type, shape, properties.get()), type, file_, full(name)};
 }
 
 void Group::write_view(const std::string& name, const View& view) {
@@ -487,7 +513,7 @@ void Group::write_view(const std::string& name, const View& view) {
       H5Sselect_hyperslab(source.get(), H5S_SELECT_SET, dims(from), nullptr, dims(taken), nullptr) < 0 ||
       H5Pset_virtual(properties.get(), shown.get(), ".", view.source.c_str(), source.get()) < 0)
     fail_write(name);
-  create_dataset(name, view.type, view.shape, properties);
+  new_dataset(name, view.type, view.shape, properties.get());
 }
 
 void Dataset::write(std::uint64_t first, std::uint64_t rows, const void* values) {
@@ -509,8 +535,7 @@ void Group::write_values(const std::string& name, Type type, const void* values,
                          Storage storage) {
   if (product(shape) != count)
     throw std::invalid_argument(fmt::format("{}: {} values do not fill the shape {}", full(name), count, text(shape)));
-  const Id properties(H5Pcreate(H5P_DATASET_CREATE));
-  const Id dataset = create_dataset(name, type, shape, properties);
+  const Id dataset = new_dataset(name, type, shape, H5P_DEFAULT);
   const Quiet quiet;
   if (count > 0 && H5Dwrite(dataset.get(), native(type), H5S_ALL, H5S_ALL, H5P_DEFAULT, values) < 0) fail_write(name);
   if (storage != Storage::crc32) return;
@@ -522,7 +547,7 @@ void Group::write_fill_value(const std::string& name, Type type, const void* val
   const Quiet quiet;
   const Id properties(H5Pcreate(H5P_DATASET_CREATE));
   require_memory(H5Pset_fill_value(properties.get(), native(type), value));
-  create_dataset(name, type, shape, properties);
+  new_dataset(name, type, shape, properties.get());
 }
 
 Shape Group::shape(const std::string& name) const {
@@ -590,12 +615,12 @@ void Group::write_text(const std::string& name, const std::string& text) {
   const Quiet quiet;
   std::string bytes = text;
   bytes.resize(std::max<std::size_t>(bytes.size(), 1), '\0');  // HDF5 has no strings of length 0
-  const Id type(H5Tcopy(H5T_C_S1)), space(H5Screate(H5S_SCALAR));
+  const Id type(H5Tcopy(H5T_C_S1));
   require_memory(H5Tset_size(type.get(), bytes.size()));
   require_memory(H5Tset_strpad(type.get(), H5T_STR_NULLPAD));
   require_memory(H5Tset_cset(type.get(), H5T_CSET_UTF8));
   const Id dataset(
-      H5Dcreate2(id_.get(), name.c_str(), type.get(), space.get(), creating_parents().get(), H5P_DEFAULT, H5P_DEFAULT));
+      H5Dcreate2(id_.get(), name.c_str(), type.get(), scalar(), creating_parents(), H5P_DEFAULT, H5P_DEFAULT));
   if (!dataset.valid() || H5Dwrite(dataset.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, bytes.data()) < 0 ||
       !new_crc32(dataset, crc32_of(std::as_bytes(std::span(bytes)))).valid())
     fail_write(name);
@@ -618,8 +643,8 @@ Rows Group::create_rows(const std::string& name, const Shape& row, std::uint64_t
   const Id space(H5Screate_simple(static_cast<int>(first.size()), dims(first), dims(most)));
   const Id properties(H5Pcreate(H5P_DATASET_CREATE));
   require_memory(H5Pset_chunk(properties.get(), static_cast<int>(chunk.size()), dims(chunk)));
-  Id dataset(H5Dcreate2(id_.get(), name.c_str(), H5T_NATIVE_DOUBLE, space.get(), creating_parents().get(),
-                        properties.get(), H5P_DEFAULT));
+  Id dataset(H5Dcreate2(id_.get(), name.c_str(), H5T_NATIVE_DOUBLE, space.get(), creating_parents(), properties.get(),
+                        H5P_DEFAULT));
   if (!dataset.valid()) fail_write(name);
   Rows rows(std::move(dataset), first, file_, full(name));
   rows.attribute_ = new_crc32(rows.dataset_, 0);
@@ -670,8 +695,7 @@ namespace {
 Id new_attribute(hid_t object, const std::string& name, hid_t type) {
   const htri_t exists = H5Aexists(object, name.c_str());
   if (exists < 0 || (exists > 0 && H5Adelete(object, name.c_str()) < 0)) return {};
-  const Id space(H5Screate(H5S_SCALAR));
-  return Id(H5Acreate2(object, name.c_str(), type, space.get(), H5P_DEFAULT, H5P_DEFAULT));
+  return Id(H5Acreate2(object, name.c_str(), type, scalar(), H5P_DEFAULT, H5P_DEFAULT));
 }
 
 /// Whether there is such an attribute, of one value.
@@ -810,7 +834,7 @@ File File::create(const std::filesystem::path& path) {
 File File::in_memory(const std::string& name) {
   const Quiet quiet;
   const Id access = file_access();
-  require_memory(H5Pset_fapl_core(access.get(), std::size_t{1} << 20, false));
+  require_memory(H5Pset_fapl_core(access.get(), memory_step, false));
   Id file(H5Fcreate(name.c_str(), H5F_ACC_TRUNC, new_file().get(), access.get()));
   if (!file.valid()) throw OutputError("cannot prepare {} in memory: {}", name, reason());
   return {std::move(file), name, nullptr};

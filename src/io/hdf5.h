@@ -231,7 +231,7 @@ class Group {
  private:
   std::string full(const std::string& name) const;
   [[noreturn]] void fail_read(const std::string& name) const;
-  Id create_dataset(const std::string& name, Type type, const Shape& shape, const Id& properties);
+  Id new_dataset(const std::string& name, Type type, const Shape& shape, std::int64_t properties);
   void write_values(const std::string& name, Type type, const void* values, std::size_t count, const Shape& shape,
                     Storage storage);
   void write_fill_value(const std::string& name, Type type, const void* value, const Shape& shape);

@@ -51,7 +51,7 @@ void write_manifest(File& file, const Manifest& manifest) {
   group.write_text("created", manifest.created);
   group.write_text("options", manifest.options.dump());
   if (!manifest.start.is_null()) group.write_text("start", manifest.start.dump());
-  group.write_text("datasets", dataset_table(manifest).dump());
+  group.write_text("datasets", dataset_table(manifest));
 }
 
 /// Constants of each of `count` cells, or points, that run.xdmf shows where they have no such field, in the group
@@ -265,6 +265,7 @@ void RunWriter::start(const Manifest& manifest, const Topology& topology, const 
 
 RunWriter RunWriter::in_memory(const Manifest& manifest, const Topology& topology, const RunGeometry& geometry) {
   RunWriter writer({}, Ranks(), topology.dim);
+  writer.in_memory_ = true;
   writer.file_.emplace(File::in_memory(run_name));
   writer.write_head(manifest, topology, geometry);
   return writer;
@@ -399,7 +400,16 @@ void RunWriter::Table::write(File& file) {
   if (more) file.open_group(group).count_members();
 }
 
+void RunWriter::Table::write_whole(File& file) {
+  if (columns.empty()) return;
+  auto in = file.has(group) ? file.open_group(group) : file.create_group(group);
+  for (const Column& c : columns)
+    in.write(c.name, c.kept, c.is_row ? hdf5::Shape{rows, c.width} : hdf5::Shape{rows}, Storage::crc32);
+  in.count_members();
+}
+
 void RunWriter::write_tables() {
+  if (in_memory_) return;
   samples_.write(*file_);
   events_.write(*file_);
 }
@@ -437,8 +447,7 @@ void RunWriter::write_frame(const Frame& frame, const FrameFormat& format) {
     auto list = file_->open_group("/frames");
     list.link(*group, name);
     list.count_members();
-    write_tables();
-    file_->flush();
+    flush();
     if (xdmf_) xdmf_->put(frames_, grid_of(*group, name, dim_, layout.particles, layout.points, walls_, drawn_));
   });
   ++frames_;
@@ -542,6 +551,7 @@ void RunWriter::write_arrays(const std::vector<FrameArray>& arrays, std::vector<
 }
 
 void RunWriter::flush() {
+  if (in_memory_) return;  // there is nothing to lose
   write_tables();
   file_->flush();
 }
@@ -552,9 +562,20 @@ void RunWriter::close() {
   file_->close();
 }
 
+std::string_view RunWriter::image() {
+  if (!std::exchange(ended_, true)) {
+    samples_.write_whole(*file_);
+    events_.write_whole(*file_);
+  }
+  return file_->image();
+}
+
 Series RunWriter::read_series() {
   flush();
-  return read_series_of(*file_);
+  if (!in_memory_) return read_series_of(*file_);
+  Series series;
+  for (const Table::Column& c : samples_.columns) series[c.name] = {samples_.rows, c.width, c.kept};
+  return series;
 }
 
 std::size_t count_frames(const std::filesystem::path& folder) {

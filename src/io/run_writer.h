@@ -86,7 +86,8 @@ class RunWriter {
   /// OutputError.
   static RunWriter create(const std::filesystem::path& folder, const Manifest& manifest, const Topology& topology,
                           const RunGeometry& geometry, const Ranks& ranks = Ranks());
-  /// Starts a run whose file is in memory, without a folder, views and run.xdmf; see image(). On one rank.
+  /// Starts a run whose file is in memory, without a folder, views and run.xdmf; see image(). On one rank. The series
+  /// are written at the end, in one piece.
   static RunWriter in_memory(const Manifest& manifest, const Topology& topology, const RunGeometry& geometry);
   /// Continues the run in the folder from a checkpoint that counts `series_rows` samples, `frames` frames and
   /// `event_rows` events. Later samples and events are dropped; later frames stay until they are written again. All
@@ -113,10 +114,10 @@ class RunWriter {
   /// Writes the samples in memory.
   void flush();
   void close();
-  /// After flush(): the bytes of a file in memory, valid until it is changed.
-  std::string_view image() { return file_->image(); }
+  /// Ends a file in memory: its bytes, valid until close().
+  std::string_view image();
 
-  /// Content of the file, after flush().
+  /// All samples so far.
   Series read_series();
   std::uint64_t frames() const { return frames_; }         ///< number of the next frame
   std::uint64_t samples() const { return samples_.rows; }  ///< those kept included
@@ -144,6 +145,8 @@ class RunWriter {
     static Table stored(hdf5::File& file, const std::string& group, std::uint64_t rows);
     void add(std::span<const SeriesValue> row);
     void write(hdf5::File& file);
+    /// All rows at once, if none is in the file yet.
+    void write_whole(hdf5::File& file);
   };
   // NOLINTNEXTLINE(performance-unnecessary-value-param): once per run
   RunWriter(std::filesystem::path folder, const Ranks& ranks, int dim) : folder_(folder), ranks_(ranks), dim_(dim) {}
@@ -161,7 +164,7 @@ class RunWriter {
   std::optional<hdf5::File> file_;  ///< on the root
   std::optional<XdmfFile> xdmf_;    ///< on the root; none for a file in memory
   std::uint64_t walls_ = 0, frames_ = 0;
-  bool periodic_ = false;
+  bool periodic_ = false, in_memory_ = false, ended_ = false;
   DrawnShapes drawn_;
   Table samples_{"/series"}, events_{"/events"};
   std::vector<std::string> damage_;

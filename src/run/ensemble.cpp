@@ -1,6 +1,7 @@
 #include <pliant/run/ensemble.h>
 
 #include <fmt/format.h>
+#include <malloc.h>
 #include <omp.h>
 #include <poll.h>
 
@@ -16,6 +17,7 @@
 #include <optional>
 #include <set>
 #include <span>
+#include <string_view>
 #include <utility>
 
 #include <pliant/base/console.h>
@@ -109,16 +111,17 @@ void check_same(const Json& stored, const Json& wanted, const std::string& folde
 /// A message of a worker: JSON and the bytes of run.h5.
 struct Result {
   Json head;
-  std::string image;
+  std::string_view image;  ///< in the message
 
   std::string bytes() const {
     const std::string text = head.dump();
-    std::string all(sizeof(std::uint64_t), '\0');
     const std::uint64_t size = text.size();
-    std::memcpy(all.data(), &size, sizeof size);
-    return all + text + image;
+    std::string all;
+    all.reserve(sizeof size + text.size() + image.size());
+    all.append(reinterpret_cast<const char*>(&size), sizeof size);
+    return all.append(text).append(image);
   }
-  static Result from(const std::string& bytes) {
+  static Result from(std::string_view bytes) {
     std::uint64_t size = 0;
     std::memcpy(&size, bytes.data(), sizeof size);
     return {Json::parse(bytes.substr(sizeof size, size)), bytes.substr(sizeof size + size)};
@@ -254,7 +257,7 @@ class Ensemble {
                    {"warnings", quiet.warnings},
                    {"results", output.results},
                    {"summary", output.summary}};
-    result.image = std::move(output.image);
+    result.image = output.image;
     return result.bytes();
   }
 
@@ -487,6 +490,9 @@ ExitCode run_ensemble(const std::string& scenario, const RunOptions& p, const Op
   if (!p.restart.empty())
     throw InputError("-ensemble {} with -restart {}: repeat the first command to resume an ensemble", p.ensemble,
                      p.restart);
+  // The system would have to supply the same memory again for each member.
+  ::mallopt(M_MMAP_THRESHOLD, 1 << 26);
+  ::mallopt(M_TRIM_THRESHOLD, 1 << 28);
   Ensemble ensemble(scenario, p, options, ranks, run);
   return ensemble.run();
 }
