@@ -1,5 +1,7 @@
 #include <pliant/jamming/point_packing.h>
 
+#include <Eigen/OrderingMethods>
+#include <Eigen/SparseCore>
 #include <algorithm>
 #include <cmath>
 
@@ -152,13 +154,13 @@ template <int D>
 void PointPacking<D>::find_order() {
   const auto n = static_cast<int>(radius_.size());
   Eigen::SparseMatrix<Real> graph(n, n);
-  entries_.clear();
-  for (int i = 0; i < n; ++i) entries_.emplace_back(i, i, 1);
+  std::vector<Eigen::Triplet<Real>> entries;
+  for (int i = 0; i < n; ++i) entries.emplace_back(i, i, 1);
   for (const Pair& p : pairs_) {
-    entries_.emplace_back(p.i, p.j, 1);
-    entries_.emplace_back(p.j, p.i, 1);
+    entries.emplace_back(p.i, p.j, 1);
+    entries.emplace_back(p.j, p.i, 1);
   }
-  graph.setFromTriplets(entries_.begin(), entries_.end());
+  graph.setFromTriplets(entries.begin(), entries.end());
   Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> inverse;
   Eigen::AMDOrdering<int>()(graph, inverse);
   const auto& places = inverse.indices();
@@ -168,14 +170,13 @@ void PointPacking<D>::find_order() {
 
 template <int D>
 void PointPacking<D>::solve(Eigen::VectorXd& b) {
-  ordered_.resize(b.size());
+  ordered_.resize(static_cast<std::size_t>(b.size()));
   const auto n = static_cast<Index>(order_.size());
-  for (Index i = 0; i < n; ++i) ordered_.segment<D>(order_[i] * D) = b.segment<D>(i * D);
-  if (pressure_) ordered_[n * D] = b[n * D];
-  factors_.matrixL().solveInPlace(ordered_);
-  factors_.matrixU().solveInPlace(ordered_);
-  for (Index i = 0; i < n; ++i) b.segment<D>(i * D) = ordered_.segment<D>(order_[i] * D);
-  if (pressure_) b[n * D] = ordered_[n * D];
+  for (Index i = 0; i < n; ++i) point<D>(ordered_.data(), order_[i]) = b.segment<D>(i * D);
+  if (pressure_) ordered_[numbers_] = b[n * D];
+  factors_.solve(ordered_.data());
+  for (Index i = 0; i < n; ++i) b.segment<D>(i * D) = point<D>(ordered_.data(), order_[i]);
+  if (pressure_) b[n * D] = ordered_[numbers_];
 }
 
 template <int D>
@@ -184,9 +185,8 @@ bool PointPacking<D>::factorise(const Real* y) {
   const Real s = scale(y), smaller = 1 - mean_overlap();
   if (!holds(y, s)) find_pairs(y, s);
   if (order_.empty()) find_order();
-  const auto n = static_cast<int>(numbers_) + (pressure_ ? 1 : 0);
-  std::vector<Mat<D>> own(radius_.size(), Mat<D>::Zero());
-  std::vector<Vec<D>> by_box(radius_.size(), Vec<D>::Zero());
+  own_.assign(radius_.size(), Mat<D>::Zero());
+  by_box_.assign(pressure_ ? radius_.size() : 0, Vec<D>::Zero());
   Real box = pressure_ ? D * (D - 1) * *pressure_ * box_.volume() * std::pow(s, D) : 0, largest = 0;
   entries_.clear();
   with_soft_law(law_.contact, [&]<class Law>(Law) {
@@ -197,28 +197,19 @@ bool PointPacking<D>::factorise(const Real* y) {
       box += stiffness * square(d);
       if (p.i == p.j) continue;
       const Mat<D> block = square(s) * stiffness / square(d) * r * r.transpose();
-      own[p.i] += block;
-      own[p.j] += block;
-      by_box[p.i] += s * stiffness / factor_ * r;
-      by_box[p.j] -= s * stiffness / factor_ * r;
       const auto [column, row] = std::minmax({order_[p.i], order_[p.j]});
-      for (int a = 0; a < D; ++a)
-        for (int b = 0; b < D; ++b) entries_.emplace_back(row * D + a, column * D + b, -block(a, b));
+      own_[row] += block;
+      own_[column] += block;
+      entries_.push_back({row, column, -block});
+      if (!pressure_) continue;
+      by_box_[order_[p.i]] += s * stiffness / factor_ * r;
+      by_box_[order_[p.j]] -= s * stiffness / factor_ * r;
     }
   });
   box /= square(factor_);
-  for (const Mat<D>& block : own) largest = std::max(largest, block.diagonal().maxCoeff());
-  for (Index i = 0; i < static_cast<Index>(own.size()); ++i) {
-    for (int a = 0; a < D; ++a)
-      for (int b = 0; b <= a; ++b)
-        entries_.emplace_back(order_[i] * D + a, order_[i] * D + b, own[i](a, b) + (a == b ? floor * largest : 0));
-    for (int a = 0; a < D && pressure_; ++a) entries_.emplace_back(n - 1, order_[i] * D + a, by_box[i][a]);
-  }
-  if (pressure_) entries_.emplace_back(n - 1, n - 1, box + floor * largest);
-  matrix_.resize(n, n);
-  matrix_.setFromTriplets(entries_.begin(), entries_.end());
-  factors_.compute(matrix_);
-  return factors_.info() == Eigen::Success;
+  for (const Mat<D>& block : own_) largest = std::max(largest, block.diagonal().maxCoeff());
+  for (Mat<D>& block : own_) block.diagonal().array() += floor * largest;
+  return factors_.factorise(own_, entries_, by_box_, box + floor * largest);
 }
 
 template class PointPacking<2>;

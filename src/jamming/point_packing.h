@@ -1,10 +1,10 @@
 // Energy or enthalpy of few points with contacts in a periodic box, for many evaluations one after the other.
 #pragma once
 
-#include <Eigen/SparseCholesky>
 #include <optional>
 #include <vector>
 
+#include <pliant/jamming/block_cholesky.h>
 #include <pliant/jamming/quasi_newton.h>
 #include <pliant/kernels/pair_forces.h>
 #include <pliant/system/particle_system.h>
@@ -64,11 +64,12 @@ class PointPacking final : public ApproximateHessian {
   std::vector<Real> reference_;
   Real listed_scale_ = 0;
   Real energy_ = 0, virial_ = 0;  ///< Σ V and Σ r V'
-  std::vector<int> order_;        ///< place of each point in the factors, which have few entries then
-  std::vector<Eigen::Triplet<Real>> entries_;
-  Eigen::SparseMatrix<Real> matrix_;
-  Eigen::SimplicialLLT<Eigen::SparseMatrix<Real>, Eigen::Lower, Eigen::NaturalOrdering<int>> factors_;
-  Eigen::VectorXd ordered_;
+  std::vector<Index> order_;      ///< place of each point in the factors, which have few blocks then
+  BlockCholesky<D> factors_;
+  std::vector<typename BlockCholesky<D>::Entry> entries_;
+  std::vector<Mat<D>> own_;
+  std::vector<Vec<D>> by_box_;
+  std::vector<Real> ordered_;
 };
 
 extern template class PointPacking<2>;

@@ -1,0 +1,114 @@
+#include <pliant/jamming/block_cholesky.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <numeric>
+
+namespace pliant {
+
+/// The columns of L: below row j, column j has the rows of A and those of the columns whose first row is j.
+template <int D>
+void BlockCholesky<D>::find_structure(Index n, std::span<const Entry> below) {
+  first_entry_.assign(n + 1, 0);
+  for (const Entry& e : below) ++first_entry_[e.column + 1];
+  std::partial_sum(first_entry_.begin(), first_entry_.end(), first_entry_.begin());
+  entry_.resize(below.size());
+  std::vector<Index> next(first_entry_.begin(), first_entry_.end() - 1);
+  for (Index k = 0; k < static_cast<Index>(below.size()); ++k) entry_[next[below[k].column]++] = k;
+
+  start_.assign(1, 0);
+  row_.clear();
+  std::vector<Index> child(n, -1), sibling(n, -1), own, both;
+  first_in_row_.assign(n + 1, 0);
+  for (Index j = 0; j < n; ++j) {
+    own.clear();
+    for (Index k = first_entry_[j]; k < first_entry_[j + 1]; ++k) own.push_back(below[entry_[k]].row);
+    std::ranges::sort(own);
+    own.erase(std::unique(own.begin(), own.end()), own.end());
+    for (Index c = child[j]; c >= 0; c = sibling[c]) {
+      both.clear();
+      std::set_union(own.begin(), own.end(), row_.begin() + start_[c] + 1, row_.begin() + start_[c + 1],
+                     std::back_inserter(both));
+      own.swap(both);
+    }
+    if (!own.empty()) {
+      sibling[j] = child[own.front()];
+      child[own.front()] = j;
+    }
+    row_.insert(row_.end(), own.begin(), own.end());
+    start_.push_back(static_cast<Index>(row_.size()));
+    for (const Index i : own) ++first_in_row_[i + 1];
+  }
+  std::partial_sum(first_in_row_.begin(), first_in_row_.end(), first_in_row_.begin());
+  column_in_row_.resize(row_.size());
+  place_in_row_.resize(row_.size());
+  next.assign(first_in_row_.begin(), first_in_row_.end() - 1);
+  for (Index j = 0; j < n; ++j)
+    for (Index p = start_[j]; p < start_[j + 1]; ++p) {
+      const Index at = next[row_[p]]++;
+      column_in_row_[at] = j;
+      place_in_row_[at] = p;
+    }
+}
+
+template <int D>
+bool BlockCholesky<D>::factorise(std::span<const Mat<D>> diagonal, std::span<const Entry> below,
+                                 std::span<const Vec<D>> last, Real corner) {
+  const auto n = static_cast<Index>(diagonal.size());
+  find_structure(n, below);
+  below_.resize(row_.size());
+  inverse_.resize(diagonal.size());
+  last_.assign(last.begin(), last.end());
+  corner_ = corner;
+  work_.assign(diagonal.size(), Mat<D>::Zero());
+  for (Index j = 0; j < n; ++j) {
+    Mat<D> own = diagonal[j];
+    for (Index k = first_entry_[j]; k < first_entry_[j + 1]; ++k) work_[below[entry_[k]].row] += below[entry_[k]].block;
+    for (Index k = first_in_row_[j]; k < first_in_row_[j + 1]; ++k) {
+      const Index earlier = column_in_row_[k], place = place_in_row_[k];
+      const Mat<D> factor = below_[place].transpose();
+      own.noalias() -= below_[place] * factor;
+      for (Index p = place + 1; p < start_[earlier + 1]; ++p) work_[row_[p]].noalias() -= below_[p] * factor;
+      if (!last_.empty()) last_[j].noalias() -= below_[place] * last_[earlier];
+    }
+    const Eigen::LLT<Mat<D>> factors(own);
+    if (factors.info() != Eigen::Success) return false;
+    inverse_[j] = factors.matrixL().solve(Mat<D>::Identity());
+    const Mat<D> factor = inverse_[j].transpose();
+    for (Index p = start_[j]; p < start_[j + 1]; ++p) {
+      below_[p].noalias() = work_[row_[p]] * factor;
+      work_[row_[p]].setZero();
+    }
+    if (last_.empty()) continue;
+    last_[j] = inverse_[j] * last_[j];
+    corner_ -= last_[j].squaredNorm();
+  }
+  return last_.empty() || corner_ > 0;
+}
+
+template <int D>
+void BlockCholesky<D>::solve(Real* b) const {
+  const auto n = static_cast<Index>(inverse_.size());
+  Real dot = 0;
+  for (Index j = 0; j < n; ++j) {
+    const Vec<D> own = inverse_[j] * point<D>(b, j);
+    point<D>(b, j) = own;
+    for (Index p = start_[j]; p < start_[j + 1]; ++p) point<D>(b, row_[p]).noalias() -= below_[p] * own;
+    if (!last_.empty()) dot += last_[j].dot(own);
+  }
+  Real end = 0;
+  if (!last_.empty()) end = b[n * D] = (b[n * D] - dot) / corner_;
+  for (Index j = n; j-- > 0;) {
+    Vec<D> own = point<D>(b, j);
+    if (!last_.empty()) own -= last_[j] * end;
+    for (Index p = start_[j]; p < start_[j + 1]; ++p) own.noalias() -= below_[p].transpose() * point<D>(b, row_[p]);
+    point<D>(b, j).noalias() = inverse_[j].transpose() * own;
+  }
+}
+
+template class BlockCholesky<2>;
+template class BlockCholesky<3>;
+
+}  // namespace pliant

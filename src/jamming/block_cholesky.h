@@ -1,0 +1,46 @@
+// Cholesky factors of a sparse matrix of small blocks, with one more row and column.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include <pliant/base/types.h>
+
+namespace pliant {
+
+/// L with L Lᵀ = A for a symmetric positive definite matrix A of n · n blocks of D · D numbers, most of which are zero,
+/// and of a last row and column of single numbers, which there may be. Blocks need fewer indices and instructions than
+/// numbers one by one. The fill depends on the order of the blocks, which is the caller's.
+template <int D>
+class BlockCholesky {
+ public:
+  /// A block below the diagonal.
+  struct Entry {
+    Index row, column;
+    Mat<D> block;
+  };
+
+  /// diagonal: [n], of which the lower triangles are read; below: entries of one place are added; last: the last row
+  /// [n], without its corner, or empty. False if A is not positive definite.
+  bool factorise(std::span<const Mat<D>> diagonal, std::span<const Entry> below, std::span<const Vec<D>> last,
+                 Real corner);
+  /// b [n · D, then one more if there is a last row] becomes A⁻¹ b.
+  void solve(Real* b) const;
+
+ private:
+  void find_structure(Index n, std::span<const Entry> below);
+
+  /// Column j has its blocks below the diagonal from start_[j] on, sorted by their rows.
+  std::vector<Index> start_, row_;
+  std::vector<Mat<D>> below_, inverse_;  ///< blocks of L below its diagonal; inverses of those on it
+  std::vector<Vec<D>> last_;
+  Real corner_ = 0;
+  /// Entries of A by columns, and blocks of L by rows: first of each, and places in the order of the columns.
+  std::vector<Index> first_entry_, entry_, first_in_row_, column_in_row_, place_in_row_;
+  std::vector<Mat<D>> work_;
+};
+
+extern template class BlockCholesky<2>;
+extern template class BlockCholesky<3>;
+
+}  // namespace pliant
