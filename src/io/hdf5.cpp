@@ -165,8 +165,8 @@ constexpr std::size_t memory_step = 1 << 18;  ///< bytes by which a file in memo
 constexpr const char* crc32_name = "crc32";
 constexpr const char* members_name = "members";
 
-/// A list of properties for all objects of a kind, because HDF5 takes as long to make one as a small dataset. It
-/// remains until the program ends.
+/// A list of properties for all objects of a kind, because HDF5 takes as long to make a list as a small dataset.
+/// The program keeps the list until its end.
 hid_t lasting(hid_t kind, const std::function<void(const Id&)>& set) {
   Id list(H5Pcreate(kind));
   set(list);

@@ -8,7 +8,7 @@
 
 namespace pliant {
 
-/// The columns of L: below row j, column j has the rows of A and those of the columns whose first row is j.
+/// Column j of L has the rows of column j of A, and the rows of earlier columns of L whose first row is j.
 template <int D>
 void BlockCholesky<D>::find_structure(Index n, std::span<const Entry> below) {
   first_entry_.assign(n + 1, 0);

@@ -20,7 +20,7 @@ class BlockCholesky {
     Mat<D> block;
   };
 
-  /// diagonal: [n], of which the lower triangles are read; below: entries of one place are added; last: the last row
+  /// diagonal: [n], whose lower triangles are read; below: entries of one place are added; last: the last row
   /// [n], without its corner, or empty. False if A is not positive definite.
   bool factorise(std::span<const Mat<D>> diagonal, std::span<const Entry> below, std::span<const Vec<D>> last,
                  Real corner);

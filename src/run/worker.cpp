@@ -61,7 +61,7 @@ Worker::Worker(const std::function<std::string(Index task)>& make) {
     for (const int d : tasks) ::close(d);
     throw MemoryError("a pipe to a process");
   }
-  // With more room for a result the worker can begin its next task earlier; without it everything works, too.
+  // A large buffer lets the worker begin its next task before the parent has read the result.
   (void)::fcntl(results[1], F_SETPIPE_SZ, 1 << 20);
   const pid_t parent = ::getpid();
   process_ = ::fork();

@@ -1,4 +1,4 @@
-// Sparse factors of blocks solve what dense factors solve.
+// Solutions by sparse factors of blocks equal solutions by dense factors.
 #include <Eigen/Dense>
 #include <catch2/catch.hpp>
 #include <random>

@@ -261,7 +261,7 @@ TEST_CASE("FIRE reports values that are not finite") {
 }
 
 TEST_CASE("FIRE takes the same path with any number of threads") {
-  // More coordinates than a thread takes at a time, of which the last part is not full.
+  // Several blocks of coordinates, the last one smaller than the others.
   constexpr std::size_t n = 100001;
   Bowl bowl;
   std::vector<Real> start;
