@@ -160,7 +160,7 @@ void register_forces(const std::string& name, const std::shared_ptr<Flow<D>>& fl
   // The plain element loops of each term, then the kernels that runs use instead of some of them.
   for (const std::string& term : flow->terms())
     time_kernel(name + "/force/" + term, flow,
-                [=](Flow<D>& f, const StateView<D>& s) { f.system().field().force_of(term, s, force(s)); });
+                [=](Flow<D>& f, const StateView<D>& s) { f.system().field().force_of({term}, s, force(s)); });
   const auto time_fused = [&](const char* kernel, const auto& part) {
     time_kernel(name + "/kernel/" + kernel, flow,
                 [=, field = std::make_shared<Model<D, std::decay_t<decltype(part)>>>(part)](
