@@ -33,7 +33,9 @@ def flow(obstacles):
     def reinsert(sim):
         low = np.flatnonzero(sim.positions[:, 1] < -2)
         for k in low:  # writing to the arrays moves the disks
-            sim.positions[k], sim.velocities[k] = (next(columns), 24), 0
+            x = next(columns)
+            near = sim.positions[abs(sim.positions[:, 0] - x) < 1.5, 1]  # in this column; the disk goes above the highest of them
+            sim.positions[k], sim.velocities[k] = (x, max(24, near.max(initial=0) + 1.5)), 0
         time.append(sim.t)
         fallen.append(fallen[-1] + np.pi / 4 * np.sum(sizes[low] ** 2))
 

@@ -23,7 +23,9 @@ def soften(sim):
 def reinsert(sim):
     low = np.flatnonzero(sim.positions[:, 1] < -2)
     for k in low:
-        sim.positions[k], sim.velocities[k] = (next(columns), 25), (0, -3)
+        x = next(columns)
+        near = sim.positions[abs(sim.positions[:, 0] - x) < 1.5, 1]  # in this column
+        sim.positions[k], sim.velocities[k] = (x, max(25, near.max(initial=0) + 1.5)), (0, -3)
     time.append(sim.t), fallen.append(fallen[-1] + np.pi / 4 * np.sum(sizes[low] ** 2))
 
 
