@@ -69,3 +69,13 @@ def test_pictures_have_a_palette(path):
     data = path.read_bytes()
     *_, color = struct.unpack(">IIBB", data[16:26])
     assert color == 3 and len(data) < 250_000
+
+
+def test_subjects_of_commits_are_short():
+    if not (ROOT / ".git").exists():
+        pytest.skip("no git repository")
+    log = subprocess.run(["git", "-C", ROOT, "log", "--since=2026-11-29T12:48:00Z", "--no-merges", "--format=%s"],
+                         capture_output=True, encoding="utf-8")
+    if log.returncode:
+        pytest.skip("git cannot read the history")
+    assert [subject for subject in log.stdout.splitlines() if len(subject) > 72] == []
