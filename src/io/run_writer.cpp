@@ -408,12 +408,6 @@ void RunWriter::Table::write_whole(File& file) {
   in.count_members();
 }
 
-void RunWriter::write_tables() {
-  if (in_memory_) return;
-  samples_.write(*file_);
-  events_.write(*file_);
-}
-
 void RunWriter::write_frame(const Frame& frame, const FrameFormat& format) {
   const FrameLayout layout(frame, dim_, ranks_, format);
   const std::string name = frame_name(frames_);
@@ -552,7 +546,8 @@ void RunWriter::write_arrays(const std::vector<FrameArray>& arrays, std::vector<
 
 void RunWriter::flush() {
   if (in_memory_) return;  // there is nothing to lose
-  write_tables();
+  samples_.write(*file_);
+  events_.write(*file_);
   file_->flush();
 }
 

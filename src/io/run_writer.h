@@ -154,7 +154,6 @@ class RunWriter {
   void write_head(const Manifest& manifest, const Topology& topology, const RunGeometry& geometry);
   void go_on(const Topology& topology, std::uint64_t series_rows, std::uint64_t event_rows);
   void check_frames();
-  void write_tables();
   void write_views(hdf5::Group& frame, const std::string& path, hdf5::Type stored) const;
   void write_arrays(const std::vector<FrameArray>& arrays, std::vector<hdf5::Dataset>& datasets, bool compressed);
 

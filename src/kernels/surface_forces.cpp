@@ -144,8 +144,10 @@ PLIANT_INLINE void add_forces(const SurfaceForces& s, const SurfaceBatch& batch,
 
 SurfaceForces::SurfaceForces(const SurfaceLaw& coefficients, const SurfaceMesh& shape)
     : law(coefficients), mesh(shape) {
+  half_inverse_area.reserve(mesh.faces.size());
   for (std::size_t k = 0; k < mesh.faces.size(); ++k) half_inverse_area.push_back(1 / (2 * mesh.rest_area[k]));
   if (!law.rest_angles) return;
+  rest.reserve(mesh.hinges.size());
   for (std::size_t k = 0; k < mesh.hinges.size(); ++k)
     rest.push_back({std::cos(mesh.rest_angle[k]), std::sin(mesh.rest_angle[k])});
 }
