@@ -128,20 +128,20 @@ def members(folder):
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
 def test_goes_on_after_signals(how, tmp_path):
     folder = tmp_path / "run"
-    options = {**SMALL, "n": 60, "pressure": 1e-5, "ensemble": 50, "ensemble_workers": 2}
+    options = {**SMALL, "n": 60, "pressure": 1e-5, "ensemble": 400, "ensemble_workers": 2}
     child = start("pack", output=folder, **options)
     wait_for((folder / "ensemble.h5").exists, child)
-    wait_for(lambda: (folder / "ensemble.h5").stat().st_size > 1e6, child)
+    wait_for(lambda: (folder / "ensemble.h5").stat().st_size > 12e6, child)
     end(child, how)
     assert child.returncode == (75 if how == signal.SIGTERM else -how)
     result = pliant("pack", output=folder, **{**options, "max_wall_time": 1e-3})  # mends the file, and stops
     assert result.returncode == 75
     done = members(folder)
-    assert 0 < done < 50
+    assert 0 < done < 400
     last = pliant("pack", output=folder, **options)
     assert last.returncode == 0 and f"{done} of them are done" in last.stdout
     table = pd.read_csv(folder / "members.csv")
-    assert list(table.member) == list(range(50)) and (table.status == "done").all()
+    assert list(table.member) == list(range(400)) and (table.status == "done").all()
 
 
 def test_failed_members_are_counted(tmp_path):
