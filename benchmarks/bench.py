@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Compares the speed of Pliant with its targets, with LAMMPS and with itself; called by `scripts/bench.sh`.
 
-Writes FOLDER/performance-data/*.csv, FOLDER/images/performance-*.png and the tables of FOLDER/performance.md."""
+Writes FOLDER/performance-data/*.csv, FOLDER/images/performance-*.webp and the tables of FOLDER/performance.md."""
 
 import os
 import sys

@@ -95,6 +95,6 @@ def draw_speedup(rows, path):
 
 #: Table: file, caption, how it is drawn.
 FIGURES = {
-    "scaling": ("performance-scaling.png", "Cost of a step against the number of points", draw_scaling),
-    "parallel": ("performance-speedup.png", "Speed-up against threads and ranks", draw_speedup),
+    "scaling": ("performance-scaling.webp", "Cost of a step against the number of points", draw_scaling),
+    "parallel": ("performance-speedup.webp", "Speed-up against threads and ranks", draw_speedup),
 }

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Work against precision of integrators; called by `scripts/work-precision.sh`.
 
-Writes FOLDER/performance-data/work-precision-*.csv, FOLDER/images/work-precision-*.png and the tables of
+Writes FOLDER/performance-data/work-precision-*.csv, FOLDER/images/work-precision-*.webp and the tables of
 FOLDER/validation/integrators.md."""
 
 import json
@@ -198,7 +198,7 @@ def report(problem, rows, standard, images):
                 label = label.replace("σ_avg", "⟨R⟩")
             text.append(f"CPU time (force evaluations in brackets) relative to the standard run; {label}, "
                         f"e₀ = {standard[error]:.2g}:")
-        name = f"work-precision-{problem}{'-energy' * (error == 'energy_error')}.png"
+        name = f"work-precision-{problem}{'-energy' * (error == 'energy_error')}.webp"
         draw(rows, error, label, images / name)
         text += ["", table(shown, columns), "", f"![{problem}: {label}](../images/{name})", ""]
     trusted = next((row["error"] for row in rows if row["method"] == "reference" and "error" in row), None)

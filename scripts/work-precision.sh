@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds with benchmarks and measures the cost of integrators for a given error. Writes the tables of
-# docs/validation/integrators.md, docs/performance-data/work-precision-*.csv and docs/images/work-precision-*.png.
+# docs/validation/integrators.md, docs/performance-data/work-precision-*.csv and docs/images/work-precision-*.webp.
 #   scripts/work-precision.sh [--quick] [--only PROBLEM]... [--output FOLDER] [--cpu CORE]
 # --quick is a smoke test: small, once, into build/work-precision. PLIANT_BUILD names a build folder that is to be used
 # as it is.

@@ -68,10 +68,10 @@ def errorbar(axes, x, y, error=None, xerr=None, **style):
     return axes.errorbar(x, y, *known, **style)
 
 
-#: Sizes of the palette of a PNG file. The first one whose pixels differ from the drawing by at most PALETTE_ERROR of 255,
+#: Sizes of the palette of a picture. The first one whose pixels differ from the drawing by at most PALETTE_ERROR of 255,
 #: on average, is used: lines and symbols need few colours, fields and colour bars need many.
-PALETTES = (64, 256)
-PALETTE_ERROR = 0.5
+PALETTES = (32, 64, 128, 256)
+PALETTE_ERROR = 0.75
 
 
 def reduce_colors(image):
@@ -99,15 +99,20 @@ def reduce_colors(image):
 
 
 def write_figure(figure, path):
-    """Writes the figure in the format of the path's ending; PNG files get a palette. Errors: OSError, ValueError."""
+    """Writes the figure in the format of the path's ending; PNG and WebP files get a palette. Errors: OSError, ValueError."""
     path = Path(path)
-    if path.suffix.lower() != ".png":
+    ending = path.suffix.lower()
+    if ending not in (".png", ".webp"):
         figure.savefig(path)
         return
     drawn = io.BytesIO()
     figure.savefig(drawn, format="png")
     with Image.open(drawn) as image:
-        reduce_colors(image).save(path, "PNG", optimize=True, dpi=image.info["dpi"])
+        reduced = reduce_colors(image)
+        if ending == ".png":
+            reduced.save(path, "PNG", optimize=True, dpi=image.info["dpi"])
+        else:
+            reduced.convert("RGB").save(path, "WEBP", lossless=True, quality=100, method=6)
 
 
 def save(figure, *paths):

@@ -450,6 +450,18 @@ def test_movie(rough, call, tmp_path):
     assert_picture(tmp_path / "last.png")
 
 
+def test_webp_and_png_files_have_equal_pixels(tmp_path):
+    figure, axes = plotting.plt.subplots()
+    axes.plot([0, 1, 3])
+    plotting.write_figure(figure, tmp_path / "a.png")
+    plotting.write_figure(figure, tmp_path / "a.webp")
+    plotting.plt.close(figure)
+    with PIL.Image.open(tmp_path / "a.png") as png, PIL.Image.open(tmp_path / "a.webp") as webp:
+        assert (png.mode, webp.format) == ("P", "WEBP")
+        assert np.array_equal(png.convert("RGB"), webp.convert("RGB"))
+    assert (tmp_path / "a.webp").stat().st_size < (tmp_path / "a.png").stat().st_size
+
+
 @pytest.mark.parametrize("ending", ["gif", "webp"])
 def test_an_animated_picture_repeats(ending, rough, call, monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))  # without ffmpeg

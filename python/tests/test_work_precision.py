@@ -98,8 +98,8 @@ def test_report_has_a_table_and_a_figure(rows, tmp_path):
     text = wp.report("p", rows, wp.add_ratios(rows), tmp_path / "images")
     assert "e₀ = 0.0001" in text and "| two | 0.316 (0.316) | 1 (1) |" in text
     assert "Two references differ by 1e-12" in text and "commit c" in text
-    assert "(../images/work-precision-p.png)" in text
-    assert (tmp_path / "images/work-precision-p.png").read_bytes().startswith(b"\x89PNG")
+    assert "(../images/work-precision-p.webp)" in text
+    assert (tmp_path / "images/work-precision-p.webp").read_bytes()[8:12] == b"WEBP"
 
 
 def test_flow_averages_over_seeds_and_names_failures(monkeypatch, tmp_path):
