@@ -4,6 +4,7 @@
 
 #include <pliant/base/errors.h>
 #include <pliant/io/folder_lock.h>
+#include <pliant/io/recording.h>
 
 namespace pliant {
 namespace {
@@ -59,7 +60,7 @@ std::vector<StoredMember> EnsembleFile::members() const {
   return all;
 }
 
-void EnsembleFile::add(const StoredMember& member, std::string_view image) {
+void EnsembleFile::add(const StoredMember& member, std::string_view objects) {
   const std::string name = fmt::format("{:06}", member.number);
   auto members = file_.open_group(members_name);
   if (members.has(name)) members.remove(name);
@@ -68,7 +69,7 @@ void EnsembleFile::add(const StoredMember& member, std::string_view image) {
   auto group = members.create_group(name);
   group.set_attribute("number", static_cast<std::int64_t>(member.number));
   group.write_text("summary", member.summary.dump());
-  if (!image.empty()) group.copy_content(image);
+  if (!objects.empty()) group.add(hdf5::Recorded::from(objects));
   group.count_members();
   members.count_members();
 }

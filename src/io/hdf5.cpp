@@ -1,6 +1,7 @@
 #include <pliant/io/crc32.h>
 #include <pliant/io/hdf5.h>
 #include <pliant/io/hdf5_driver.h>
+#include <pliant/io/recording.h>
 
 #include <hdf5.h>
 
@@ -359,6 +360,11 @@ void Group::fail_read(const std::string& name) const {
 void Group::fail_write(const std::string& name) const { fail_to_write(full(name), file_); }
 
 Group Group::create_group(const std::string& name) {
+  if (recorded_) {
+    const auto made = std::make_shared<Recorded>();
+    recorded_->put(name, made);
+    return {made, file_, full(name)};
+  }
   const Quiet quiet;
   Id group(H5Gcreate2(id_.get(), name.c_str(), creating_parents(), few_links(), H5P_DEFAULT));
   if (!group.valid()) fail_write(name);
@@ -366,6 +372,7 @@ Group Group::create_group(const std::string& name) {
 }
 
 Group Group::open_group(const std::string& name) const {
+  if (recorded_) return {recorded_->find(name), file_, full(name)};
   const Quiet quiet;
   Id group(H5Gopen2(id_.get(), name.c_str(), H5P_DEFAULT));
   if (!group.valid()) fail_read(name);
@@ -373,6 +380,7 @@ Group Group::open_group(const std::string& name) const {
 }
 
 Group Group::create_unlinked_group() {
+  if (recorded_) return {std::make_shared<Recorded>(), file_, full("(new group)")};
   const Quiet quiet;
   Id group(H5Gcreate_anon(id_.get(), few_links(), H5P_DEFAULT));
   if (!group.valid()) fail_write("(new group)");
@@ -380,12 +388,14 @@ Group Group::create_unlinked_group() {
 }
 
 void Group::link(const Group& group, const std::string& name) {
+  if (recorded_) return recorded_->put(name, group.recorded_);
   if (has(name)) remove(name);
   const Quiet quiet;
   if (H5Olink(group.id_.get(), id_.get(), name.c_str(), creating_parents(), H5P_DEFAULT) < 0) fail_write(name);
 }
 
 void Group::link(const std::string& existing, const std::string& name) {
+  if (recorded_) return recorded_->put(name, recorded_->find(existing));
   const Quiet quiet;
   if (H5Lcreate_hard(id_.get(), existing.c_str(), id_.get(), name.c_str(), creating_parents(), H5P_DEFAULT) < 0)
     fail_write(name);
@@ -396,22 +406,44 @@ bool Group::has_group(const std::string& name) const {
   return has(name) && Id(H5Gopen2(id_.get(), name.c_str(), H5P_DEFAULT)).valid();
 }
 
-void Group::copy_content(std::string_view image) {
-  const Quiet quiet;
-  const Id access = file_access();
-  require_memory(H5Pset_fapl_core(access.get(), memory_step, false));
-  // HDF5 does not change the image, though its function takes a pointer to bytes that may be changed.
-  require_memory(H5Pset_file_image(access.get(), const_cast<char*>(image.data()), image.size()));
-  const Id file(H5Fopen("(copied content)", H5F_ACC_RDONLY, access.get()));
-  if (!file.valid()) fail_write("");
-  const Id root(H5Gopen2(file.get(), "/", H5P_DEFAULT));
-  const auto names = names_in(root);
-  if (!names) fail_write("");
-  for (const std::string& name : *names)
-    if (H5Ocopy(root.get(), name.c_str(), id_.get(), name.c_str(), H5P_DEFAULT, H5P_DEFAULT) < 0) fail_write(name);
+void Group::add(const Recorded& recorded) {
+  std::map<const Recorded*, std::string> paths;
+  add(recorded, paths);
+}
+
+/// paths: of the objects that this call and those around it have written.
+void Group::add(const Recorded& recorded, std::map<const Recorded*, std::string>& paths) {
+  for (const Recorded::Attribute& a : recorded.attributes) set_number(a.name, a.type, a.value.data());
+  for (const auto& [name, object] : recorded.members) {
+    const auto [path, is_new] = paths.emplace(object.get(), full(name));
+    if (!is_new) {
+      link(path->second, name);
+      continue;
+    }
+    switch (object->kind) {
+      case Recorded::Kind::group:
+        create_group(name).add(*object, paths);
+        break;
+      case Recorded::Kind::text:
+        write_text(name, object->bytes);
+        break;
+      case Recorded::Kind::constant:
+        write_fill_value(name, object->type, object->bytes.data(), object->shape);
+        break;
+      case Recorded::Kind::dataset:
+        if (object->deflate == 0) {
+          write_whole(name, object->type, object->bytes.data(), object->shape, object->crc32);
+          break;
+        }
+        Dataset made = create_dataset(name, object->type, object->shape, object->deflate);
+        if (!object->bytes.empty()) made.write(0, object->shape[0], object->bytes.data());
+        if (object->crc32) made.set_crc32(*object->crc32);
+    }
+  }
 }
 
 bool Group::has(const std::string& name) const {
+  if (recorded_) return recorded_->find(name) != nullptr;
   const Quiet quiet;
   // In HDF5 a query of a/b without a group a is an error.
   for (std::size_t end = name.find('/', 1); end != name.npos; end = name.find('/', end + 1))
@@ -486,6 +518,13 @@ class LaterFormat {
 }  // namespace
 
 Dataset Group::create_dataset(const std::string& name, Type type, const Shape& shape, int deflate) {
+  if (recorded_) {
+    const auto made = std::make_shared<Recorded>(
+        Recorded{.kind = Recorded::Kind::dataset, .type = type, .shape = shape, .deflate = deflate});
+    made->bytes.resize(product(shape) * size_of(type));
+    recorded_->put(name, made);
+    return Dataset(made);
+  }
   const Quiet quiet;
   if (deflate == 0 || product(shape) == 0)
     return {new_dataset(name, type, shape, written_whole()), type, file_, full(name)};
@@ -516,17 +555,29 @@ void Group::write_view(const std::string& name, const View& view) {
   new_dataset(name, view.type, view.shape, properties.get());
 }
 
+Dataset::Dataset(std::shared_ptr<Recorded> recorded) : recorded_(std::move(recorded)), type_(recorded_->type) {}
+
 void Dataset::write(std::uint64_t first, std::uint64_t rows, const void* values) {
+  if (recorded_) {
+    const std::size_t row = row_width(recorded_->shape) * size_of(type_);
+    recorded_->bytes.replace(first * row, rows * row, static_cast<const char*>(values), rows * row);
+    return;
+  }
   const Quiet quiet;
   if (rows > 0 && !write_rows(id_, type_, first, rows, values)) fail_to_write(path_, file_);
 }
 
 void Dataset::set_crc32(std::uint32_t value) {
+  if (recorded_) {
+    recorded_->crc32 = value;
+    return;
+  }
   const Quiet quiet;
   if (!new_crc32(id_, value).valid()) fail_to_write(path_, file_);
 }
 
 std::uint64_t Dataset::address() const {
+  if (recorded_) return 0;
   const haddr_t address = H5Dget_offset(id_.get());
   return address == HADDR_UNDEF ? 0 : address;
 }
@@ -535,15 +586,35 @@ void Group::write_values(const std::string& name, Type type, const void* values,
                          Storage storage) {
   if (product(shape) != count)
     throw std::invalid_argument(fmt::format("{}: {} values do not fill the shape {}", full(name), count, text(shape)));
+  std::optional<std::uint32_t> sum;
+  if (storage == Storage::crc32) sum = crc32_of({static_cast<const std::byte*>(values), count * size_of(type)});
+  write_whole(name, type, values, shape, sum);
+}
+
+void Group::write_whole(const std::string& name, Type type, const void* values, const Shape& shape,
+                        std::optional<std::uint32_t> sum) {
+  if (recorded_) {
+    const std::string_view bytes(static_cast<const char*>(values), product(shape) * size_of(type));
+    recorded_->put(
+        name,
+        std::make_shared<Recorded>(Recorded{
+            .kind = Recorded::Kind::dataset, .type = type, .shape = shape, .bytes = std::string(bytes), .crc32 = sum}));
+    return;
+  }
   const Id dataset = new_dataset(name, type, shape, H5P_DEFAULT);
   const Quiet quiet;
-  if (count > 0 && H5Dwrite(dataset.get(), native(type), H5S_ALL, H5S_ALL, H5P_DEFAULT, values) < 0) fail_write(name);
-  if (storage != Storage::crc32) return;
-  const std::uint32_t sum = crc32_of({static_cast<const std::byte*>(values), count * size_of(type)});
-  if (!new_crc32(dataset, sum).valid()) fail_write(name);
+  if (product(shape) > 0 && H5Dwrite(dataset.get(), native(type), H5S_ALL, H5S_ALL, H5P_DEFAULT, values) < 0)
+    fail_write(name);
+  if (sum && !new_crc32(dataset, *sum).valid()) fail_write(name);
 }
 
 void Group::write_fill_value(const std::string& name, Type type, const void* value, const Shape& shape) {
+  if (recorded_)
+    return recorded_->put(
+        name, std::make_shared<Recorded>(Recorded{.kind = Recorded::Kind::constant,
+                                                  .type = type,
+                                                  .shape = shape,
+                                                  .bytes = {static_cast<const char*>(value), size_of(type)}}));
   const Quiet quiet;
   const Id properties(H5Pcreate(H5P_DATASET_CREATE));
   require_memory(H5Pset_fill_value(properties.get(), native(type), value));
@@ -551,6 +622,7 @@ void Group::write_fill_value(const std::string& name, Type type, const void* val
 }
 
 Shape Group::shape(const std::string& name) const {
+  if (recorded_) return recorded_->find(name)->shape;
   const Quiet quiet;
   const Id dataset(H5Dopen2(id_.get(), name.c_str(), H5P_DEFAULT));
   if (!dataset.valid()) fail_read(name);
@@ -612,6 +684,8 @@ std::uint32_t Group::check(const std::string& name, const Id& dataset, std::uint
 }
 
 void Group::write_text(const std::string& name, const std::string& text) {
+  if (recorded_)
+    return recorded_->put(name, std::make_shared<Recorded>(Recorded{.kind = Recorded::Kind::text, .bytes = text}));
   const Quiet quiet;
   std::string bytes = text;
   bytes.resize(std::max<std::size_t>(bytes.size(), 1), '\0');  // HDF5 has no strings of length 0
@@ -727,6 +801,7 @@ void Group::set_attribute(const std::string& name, const std::string& value) {
 }
 
 void Group::set_number(const std::string& name, Type type, const void* value) {
+  if (recorded_) return recorded_->set_attribute(name, type, value);
   const Quiet quiet;
   // Overwritten in place: a new attribute would enlarge the group's header.
   const Id attribute = H5Aexists(id_.get(), name.c_str()) > 0 ? Id(H5Aopen(id_.get(), name.c_str(), H5P_DEFAULT))
@@ -776,6 +851,7 @@ std::map<std::string, std::string> Group::string_attributes() const {
 }
 
 void Group::count_members() {
+  if (recorded_) return set_attribute(members_name, static_cast<std::int64_t>(recorded_->members.size()));
   H5G_info_t info{};
   {
     const Quiet quiet;
@@ -806,9 +882,11 @@ std::vector<std::string> Group::datasets() const {
 // ---- files -----------------------------------------------------------------------------------------------------
 
 File::File(Id file, std::string name, std::unique_ptr<JournaledFile> disk)
-    : Group({}, std::move(name), "/"), disk_(std::move(disk)), file_id_(std::move(file)) {
+    : Group(Id(), std::move(name), "/"), disk_(std::move(disk)), file_id_(std::move(file)) {
   id_ = Id(H5Gopen2(file_id_.get(), "/", H5P_DEFAULT));
 }
+
+File::File(std::string name) : Group(std::make_shared<Recorded>(), std::move(name), "/") {}
 
 /// A write that has failed may have left HDF5 with half of it, which must not be committed.
 File::~File() { abandon(); }
@@ -840,6 +918,8 @@ File File::in_memory(const std::string& name) {
   return {std::move(file), name, nullptr};
 }
 
+File File::recorder(const std::string& name) { return File(name); }
+
 File File::open(JournaledFile opened, const std::filesystem::path& path, bool writable) {
   const Quiet quiet;
   auto disk = std::make_unique<JournaledFile>(std::move(opened));
@@ -862,12 +942,14 @@ void File::rename(const std::filesystem::path& path) {
 }
 
 void File::flush() {
+  if (recorded_) return;
   const Quiet quiet;
   if (H5Fflush(file_id_.get(), H5F_SCOPE_GLOBAL) < 0) fail_write("");
   if (disk_) disk_->commit(allocated_end(file_id_.get()));
 }
 
 void File::close() {
+  recorded_.reset();
   if (!file_id_.valid()) return;
   try {
     if (writable_) flush();

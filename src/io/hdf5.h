@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
 #include <ranges>
 #include <span>
 #include <string>
@@ -75,6 +76,8 @@ class Id {
   std::int64_t id_ = -1;
 };
 
+struct Recorded;
+
 /// A dataset whose rows are written piece by piece. Errors of all members: OutputError.
 class Dataset {
  public:
@@ -90,8 +93,10 @@ class Dataset {
   friend class Group;
   Dataset(Id id, Type type, std::string file, std::string path)
       : id_(std::move(id)), type_(type), file_(std::move(file)), path_(std::move(path)) {}
+  explicit Dataset(std::shared_ptr<Recorded> recorded);
 
   Id id_;
+  std::shared_ptr<Recorded> recorded_;  ///< instead of a dataset in a file
   Type type_;
   std::string file_, path_;  ///< for messages
 };
@@ -127,8 +132,8 @@ class Group {
   /// A second name for the object at `existing` (a path): the same storage, nothing is copied.
   void link(const std::string& existing, const std::string& name);
 
-  /// Copies all objects of a file of which these are the bytes, as File::image() has them.
-  void copy_content(std::string_view image);
+  /// Writes the objects of a group that File::recorder() has made.
+  void add(const Recorded& recorded);
 
   bool has(const std::string& name) const;
   bool has_group(const std::string& name) const;
@@ -223,17 +228,23 @@ class Group {
   Group() = default;
   Group(Id id, std::string file, std::string path)
       : id_(std::move(id)), file_(std::move(file)), path_(std::move(path)) {}
+  Group(std::shared_ptr<Recorded> recorded, std::string file, std::string path)
+      : recorded_(std::move(recorded)), file_(std::move(file)), path_(std::move(path)) {}
 
   Id id_;
-  std::string file_;  ///< for messages
-  std::string path_;  ///< for messages
+  std::shared_ptr<Recorded> recorded_;  ///< instead of a group in a file
+  std::string file_;                    ///< for messages
+  std::string path_;                    ///< for messages
 
  private:
+  void add(const Recorded& recorded, std::map<const Recorded*, std::string>& paths);
   std::string full(const std::string& name) const;
   [[noreturn]] void fail_read(const std::string& name) const;
   Id new_dataset(const std::string& name, Type type, const Shape& shape, std::int64_t properties);
   void write_values(const std::string& name, Type type, const void* values, std::size_t count, const Shape& shape,
                     Storage storage);
+  void write_whole(const std::string& name, Type type, const void* values, const Shape& shape,
+                   std::optional<std::uint32_t> sum);
   void write_fill_value(const std::string& name, Type type, const void* value, const Shape& shape);
   Shape checked_shape(const std::string& name, const Shape& expected) const;
   void read_values(const std::string& name, Type type, void* values) const;
@@ -249,6 +260,9 @@ class File : public Group {
   static File create(const std::filesystem::path& path);
   /// A file in memory only; `name` is for messages. See image().
   static File in_memory(const std::string& name);
+  /// No file: its groups keep what is written to them, so that another process can add() it to a file. Only their
+  /// members that write, and has(), open_group() and shape(), may be called, and there are no rows and views.
+  static File recorder(const std::string& name);
   /// Errors: InputError if the file is missing, damaged, or open for writing elsewhere.
   static File open_read(const std::filesystem::path& path);
   /// Errors: InputError as for reading; OutputError without permission to write.
@@ -258,7 +272,7 @@ class File : public Group {
   File& operator=(File&&) = delete;
   ~File();
 
-  bool is_open() const { return file_id_.valid(); }
+  bool is_open() const { return file_id_.valid() || recorded_; }
   const std::string& name() const { return file_; }
   /// Gives the file on disk another name. Groups opened before have the old one in their messages. Errors: OutputError.
   void rename(const std::filesystem::path& path);
@@ -271,13 +285,16 @@ class File : public Group {
   void close();
   /// The bytes of a file in memory as they would be on disk; valid until the file is changed.
   std::string_view image();
+  /// What a recorder has kept.
+  const Recorded& recorded() const { return *recorded_; }
 
  private:
+  explicit File(std::string name);
   File(Id file, std::string name, std::unique_ptr<JournaledFile> disk);
   static File open(JournaledFile disk, const std::filesystem::path& path, bool writable);
   void abandon();
 
-  std::unique_ptr<JournaledFile> disk_;  ///< none: in memory
+  std::unique_ptr<JournaledFile> disk_;  ///< none: in memory, or a recorder
   bool writable_ = true;
   Id file_id_;
 };

@@ -14,6 +14,7 @@
 #include <pliant/io/crc32.h>
 #include <pliant/io/dataset_table.h>
 #include <pliant/io/folder_lock.h>
+#include <pliant/io/recording.h>
 #include <pliant/io/shared_file.h>
 #include <pliant/model/surface_arrays.h>
 
@@ -263,10 +264,10 @@ void RunWriter::start(const Manifest& manifest, const Topology& topology, const 
   }
 }
 
-RunWriter RunWriter::in_memory(const Manifest& manifest, const Topology& topology, const RunGeometry& geometry) {
+RunWriter RunWriter::recorder(const Manifest& manifest, const Topology& topology, const RunGeometry& geometry) {
   RunWriter writer({}, Ranks(), topology.dim);
-  writer.in_memory_ = true;
-  writer.file_.emplace(File::in_memory(run_name));
+  writer.recorder_ = true;
+  writer.file_.emplace(File::recorder(run_name));
   writer.write_head(manifest, topology, geometry);
   return writer;
 }
@@ -545,7 +546,7 @@ void RunWriter::write_arrays(const std::vector<FrameArray>& arrays, std::vector<
 }
 
 void RunWriter::flush() {
-  if (in_memory_) return;  // there is nothing to lose
+  if (recorder_) return;  // there is nothing to lose
   samples_.write(*file_);
   events_.write(*file_);
   file_->flush();
@@ -557,17 +558,17 @@ void RunWriter::close() {
   file_->close();
 }
 
-std::string_view RunWriter::image() {
+std::string RunWriter::recorded() {
   if (!std::exchange(ended_, true)) {
     samples_.write_whole(*file_);
     events_.write_whole(*file_);
   }
-  return file_->image();
+  return file_->recorded().message();
 }
 
 Series RunWriter::read_series() {
   flush();
-  if (!in_memory_) return read_series_of(*file_);
+  if (!recorder_) return read_series_of(*file_);
   Series series;
   for (const Table::Column& c : samples_.columns) series[c.name] = {samples_.rows, c.width, c.kept};
   return series;

@@ -86,9 +86,8 @@ class RunWriter {
   /// OutputError.
   static RunWriter create(const std::filesystem::path& folder, const Manifest& manifest, const Topology& topology,
                           const RunGeometry& geometry, const Ranks& ranks = Ranks());
-  /// Starts a run whose file is in memory, without a folder, views and run.xdmf; see image(). On one rank. The series
-  /// are written at the end, in one piece.
-  static RunWriter in_memory(const Manifest& manifest, const Topology& topology, const RunGeometry& geometry);
+  /// Starts a run without a folder, views and run.xdmf, whose objects are kept in memory; see recorded(). On one rank.
+  static RunWriter recorder(const Manifest& manifest, const Topology& topology, const RunGeometry& geometry);
   /// Continues the run in the folder from a checkpoint that counts `series_rows` samples, `frames` frames and
   /// `event_rows` events. Later samples and events are dropped; later frames stay until they are written again. All
   /// data counted by the checkpoint are compared with their checksums. Errors: InputError if the folder holds no run,
@@ -114,8 +113,8 @@ class RunWriter {
   /// Writes the samples in memory.
   void flush();
   void close();
-  /// Ends a file in memory: its bytes, valid until close().
-  std::string_view image();
+  /// Ends a recorder: a message with the objects of run.h5 (io/recording.h).
+  std::string recorded();
 
   /// All samples so far.
   Series read_series();
@@ -161,9 +160,9 @@ class RunWriter {
   Ranks ranks_;
   int dim_;
   std::optional<hdf5::File> file_;  ///< on the root
-  std::optional<XdmfFile> xdmf_;    ///< on the root; none for a file in memory
+  std::optional<XdmfFile> xdmf_;    ///< on the root; none for a recorder
   std::uint64_t walls_ = 0, frames_ = 0;
-  bool periodic_ = false, in_memory_ = false, ended_ = false;
+  bool periodic_ = false, recorder_ = false, ended_ = false;
   DrawnShapes drawn_;
   Table samples_{"/series"}, events_{"/events"};
   std::vector<std::string> damage_;

@@ -108,18 +108,18 @@ void check_same(const Json& stored, const Json& wanted, const std::string& folde
     if (there.value(name, Json()) != value) refuse("-" + name, there.value(name, Json()), value);
 }
 
-/// A message of a worker: JSON and the bytes of run.h5.
+/// A message of a worker: JSON and the objects of run.h5.
 struct Result {
   Json head;
-  std::string_view image;  ///< in the message
+  std::string_view objects;  ///< in the message (io/recording.h)
 
   std::string bytes() const {
     const std::string text = head.dump();
     const std::uint64_t size = text.size();
     std::string all;
-    all.reserve(sizeof size + text.size() + image.size());
+    all.reserve(sizeof size + text.size() + objects.size());
     all.append(reinterpret_cast<const char*>(&size), sizeof size);
-    return all.append(text).append(image);
+    return all.append(text).append(objects);
   }
   static Result from(std::string_view bytes) {
     std::uint64_t size = 0;
@@ -257,7 +257,7 @@ class Ensemble {
                    {"warnings", quiet.warnings},
                    {"results", output.results},
                    {"summary", output.summary}};
-    result.image = output.image;
+    result.objects = output.objects;
     return result.bytes();
   }
 
@@ -339,7 +339,7 @@ class Ensemble {
     summary["results"] = result.head.value("results", Json::array());
     summary["warnings"] = result.head.value("warnings", Json::array());
     if (!file_) file_.emplace(EnsembleFile::create(p_.output, description_));
-    file_->add({member, summary}, result.image);
+    file_->add({member, summary}, result.objects);
     done_.emplace(member, std::move(summary));
     unflushed_ = true;
   }

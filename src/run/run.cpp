@@ -72,7 +72,7 @@ ExitCode Run<D>::run() {
   branch();
   Manifest manifest = make_manifest(scenario_, protocol_->model(), D, p_.seed, options_);
   manifest.start = protocol_->start_source();
-  writer_.emplace(p_.member != nullptr ? RunWriter::in_memory(manifest, all, geometry)
+  writer_.emplace(p_.member != nullptr ? RunWriter::recorder(manifest, all, geometry)
                   : restarted()
                       ? RunWriter::append(p_.output, all, restored_samples_, restored_frames_, restored_events_, ranks_)
                       : RunWriter::create(p_.output, manifest, all, geometry, ranks_));
@@ -385,7 +385,7 @@ template <int D>
 void Run<D>::store(const nlohmann::ordered_json& summary) {
   if (p_.member == nullptr) return write_summary(p_.output, summary);
   p_.member->summary = summary;
-  p_.member->image = writer_->image();
+  p_.member->objects = writer_->recorded();
 }
 
 /// Names the results of a member of an ensemble: what its scenario has added to the summary of the run.

@@ -6,6 +6,7 @@
 #include <cstdio>
 
 #include <pliant/base/errors.h>
+#include <pliant/io/recording.h>
 #include <pliant/io/run_writer.h>
 
 #include "io/io_support.h"
@@ -325,6 +326,63 @@ TEST_CASE("the check of run.xdmf finds mistakes") {
   SECTION("XML") { replace("</Xdmf>", ""); }
   SECTION("type") { replace("NumberType=\"UChar\" Precision=\"1\"", "NumberType=\"Int\" Precision=\"4\""); }
   CHECK_THAT(check_xdmf(scratch.path()), Contains(scratch.path().string()));
+}
+
+TEST_CASE("a recorder's objects are those of a run in a folder, without views and data of run.xdmf") {
+  const bool polygons = GENERATE(true, false);
+  const FrameFormat format{.single = GENERATE(false, true), .deflate = hdf5::can_deflate() ? GENERATE(0, 4) : 0};
+  const ScratchFolder scratch;
+  const auto topology = small_topology(polygons);
+  Manifest manifest = small_manifest();
+  manifest.dim = topology.dim;
+  const auto write_to = [&](RunWriter& writer) {
+    writer.write_axis("angles", std::vector<Real>{1, 2, 3});
+    for (int k = 0; k < 3; ++k) {
+      add_sample(writer, 0.5 * k);
+      writer.write_frame(FrameData(topology, k, k == 0 ? 0 : 5).frame(), format);
+    }
+  };
+  auto writer = RunWriter::create(scratch.path(), manifest, topology, small_geometry());
+  write_to(writer);
+  writer.close();
+  auto recorder = RunWriter::recorder(manifest, topology, small_geometry());
+  write_to(recorder);
+  const std::string message = recorder.recorded();
+  CHECK(recorder.recorded() == message);
+  {
+    auto file = File::create(scratch / "members.h5");
+    file.create_group("member").add(hdf5::Recorded::from(message));
+    file.close();
+  }
+  const auto whole = File::open_read(scratch / "run.h5"), file = File::open_read(scratch / "members.h5");
+  const auto member = file.open_group("member");
+  std::vector<std::string> names = whole.datasets(), found = member.datasets();
+  // The positions of disks have a second name, "centres", in a member.
+  const auto differs = [](const std::string& name) {
+    return name.find("xdmf") != name.npos || name.ends_with("positions");
+  };
+  std::erase_if(names, differs);
+  std::erase_if(found, differs);
+  CHECK(found == names);
+  for (const std::string& name : names) {
+    CAPTURE(name);
+    member.check(name);
+    if (name.starts_with("manifest") || name == "geometry/kind") {
+      CHECK(member.read_text(name) == whole.read_text(name));
+      continue;
+    }
+    REQUIRE(member.shape(name) == whole.shape(name));
+    CHECK(member.value_size(name) == whole.value_size(name));
+    CHECK(member.read<double>(name) == whole.read<double>(name));
+  }
+  const auto frame = member.open_group("frames/000001"), frame_in_folder = whole.open_group("frames/000001");
+  for (const char* name : {"positions", "centres"})
+    CHECK(frame.read<double>(name) == frame_in_folder.read<double>(name));
+  CHECK(frame.has("contacts/friction") == frame_in_folder.has("contacts/friction"));
+  CHECK(frame.real_attribute("time") == frame_in_folder.real_attribute("time"));
+  CHECK(frame.integer_attribute("step") == frame_in_folder.integer_attribute("step"));
+  CHECK(member.open_group("frames").integer_attribute("members") == 3);
+  CHECK(member.open_group("geometry").real_attribute("angle") == 60);
 }
 
 TEST_CASE("series rows are kept until a frame, a flush or the end") {
