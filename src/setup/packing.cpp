@@ -21,10 +21,30 @@ namespace {
 
 constexpr std::uint64_t most_attempts = 2000;
 
-/// Uniform among the free places of the closed container. round: each round has different random numbers.
+/// From so many particles on, fluctuations of the density over large distances make random starts slow.
+constexpr Index many = 100000;
+
+/// Element k of a sequence of numbers that covers the unit square (cube) evenly: k/g, k/g², …, with g^(D+1) = g + 1,
+/// without their integer parts.
 template <int D>
-void random_place(const Container& container, const Walls<D>& walls, Real height, Real radius, std::uint64_t seed,
-                  Index m, std::uint64_t round, Real* r) {
+Vec<D> even_place(std::uint64_t k) {
+  constexpr Real g = D == 2 ? 1.32471795724474603 : 1.22074408460575947;
+  Vec<D> place;
+  Real step = 1;
+  for (int axis = 0; axis < D; ++axis) {
+    step /= g;
+    const Real at = step * static_cast<Real>(k);
+    place[axis] = at - std::floor(at);
+  }
+  return place;
+}
+
+/// A free place in the closed container for particle m. All are equally probable, or, if `evenly` counts the places
+/// tried so far, the next free place of an even sequence, moved at random by up to half a diameter. round: each round
+/// has different random numbers.
+template <int D>
+void find_place(const Container& container, const Walls<D>& walls, Real height, Real radius, std::uint64_t seed,
+                Index m, std::uint64_t round, std::uint64_t* evenly, Real* r) {
   const Vec<2> across = D == 2 ? container.extent() : Vec<2>(-container.extent()[1], container.extent()[1]);
   const Real middle = (across[0] + across[1]) / 2, half = (across[1] - across[0]) / 2;
   for (std::uint64_t attempt = 0; attempt < most_attempts; ++attempt) {
@@ -32,8 +52,13 @@ void random_place(const Container& container, const Walls<D>& walls, Real height
       return rng::uniform(seed, stream::placement,
                           (static_cast<std::uint64_t>(m) << 24) + 4 * (round * most_attempts + attempt) + k);
     };
-    for (int k = 0; k < D - 1; ++k) r[k] = middle + half * (2 * draw(k) - 1);
-    r[D - 1] = height * draw(D - 1);
+    Vec<D> place;
+    for (int k = 0; k < D; ++k) place[k] = draw(static_cast<std::uint64_t>(k));
+    const Vec<D> moved = place - Vec<D>::Constant(0.5);
+    if (evenly != nullptr) place = even_place<D>((*evenly)++);
+    for (int k = 0; k < D - 1; ++k) r[k] = middle + half * (2 * place[k] - 1);
+    r[D - 1] = height * place[D - 1];
+    if (evenly != nullptr) point<D>(r, 0) += 2 * radius * moved;
     // If the full move is blocked, a part of it may be possible.
     const Real margin = std::pow(0.99, static_cast<Real>(attempt));
     if (container.has_room<D>(walls, point<D>(r, 0), radius, margin)) return;
@@ -150,9 +175,10 @@ void check_fit(const Topology& topology, const Container& container) {
 
 template <int D>
 Packing pack(const Topology& topology, const Container& container, const PackingParameters& p, Real* x) {
-  constexpr std::int64_t most_iterations = 2000;  // beyond, at the edge of jamming, raising the lid is quicker
   check_fit(topology, container);
   const Index n = topology.particles();
+  // Beyond, at the edge of jamming, raising the lid is quicker.
+  const std::int64_t most_iterations = n < many ? 2000 : 500;
   Real content = 0, largest = 0;
   for (const Topology disks = outer_disks<D>(topology); const Index m : disks.id) {
     content += disks.a0[m];
@@ -161,7 +187,7 @@ Packing pack(const Topology& topology, const Container& container, const Packing
   Packing packing;
   std::vector<Real> centres(static_cast<std::size_t>(n) * D);
   const auto inside = [&](Index m, const Real* r) { return container.inside(D, in_plane<D>(point<D>(r, m))); };
-  std::uint64_t round = 0;
+  std::uint64_t round = 0, tried = 0;
   for (packing.fraction = p.fraction;; packing.fraction *= 0.98, ++round) {
     const Real before = packing.height;
     // A few particles lie side by side: none may be higher than the lid.
@@ -171,7 +197,8 @@ Packing pack(const Topology& topology, const Container& container, const Packing
       Real* r = &centres[static_cast<std::size_t>(m) * D];
       if (before > 0) r[D - 1] *= packing.height / before;
       if (before == 0 || !inside(m, centres.data()))
-        random_place<D>(container, walls, packing.height, outer_radius(topology, m), p.seed, m, round, r);
+        find_place<D>(container, walls, packing.height, outer_radius(topology, m), p.seed, m, round,
+                      round == 0 && n >= many ? &tried : nullptr, r);
     }
     const Relaxed relaxed =
         relax_disks<D>(outer_disks<D>(topology), walls, p.tolerance, most_iterations, inside, centres, {}, p.check);

@@ -128,6 +128,16 @@ TEST_CASE("a packing is a function of the seed", "[packing]") {
   CHECK(positions(4) != positions(5));
 }
 
+TEST_CASE("many disks start evenly, and are packed quickly", "[packing]") {
+  const Topology topology = make_particles(ModelKind::sp, 2, draw_diameters({}, 100000, 1), {});
+  std::vector<Real> x(2 * topology.points());
+  const PackingParameters parameters;
+  const Packing packing = pack<2>(topology, Hopper{.wall_distance = 3125, .orifice = 5}, parameters, x.data());
+  CHECK(packing.max_overlap <= parameters.tolerance);
+  CHECK(packing.fraction > 0.8);
+  CHECK(packing.iterations < 1500);  // from random places more than 2000
+}
+
 TEST_CASE("a loose packing keeps the fraction that was asked for", "[packing]") {
   const Packed<2> packed(ModelKind::sp, 50, {.wall_distance = 8, .orifice = 3}, {.fraction = 0.4});
   CHECK(packed.packing.fraction == 0.4);
