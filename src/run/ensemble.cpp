@@ -301,18 +301,17 @@ class Ensemble {
         if (wait[k].revents == 0) continue;
         const Index member = *workers[k].task();
         const auto bytes = workers[k].result();
-        if (bytes) {
-          take(member, Result::from(*bytes));
-        } else {
-          take(member, {{{"code", static_cast<int>(ExitCode::numerical_failure)},
-                         {"message", fmt::format("the process of this run {}", workers[k].death())}},
-                        {}});
-          if (!left.empty()) workers[k] = Worker(make);
-        }
+        const std::string death = bytes ? "" : fmt::format("the process of this run {}", workers[k].death());
+        if (!bytes && !left.empty()) workers[k] = Worker(make);
+        // The worker goes on while this process writes.
         if (left.empty())
           workers.erase(workers.begin() + static_cast<std::ptrdiff_t>(k));
         else
           start(workers[k]);
+        if (bytes)
+          take(member, Result::from(*bytes));
+        else
+          take(member, {{{"code", static_cast<int>(ExitCode::numerical_failure)}, {"message", death}}, {}});
       }
       constexpr Real often = 0.2;  // s
       if (control_.wall_seconds() - flushed_at_ > often) flush();
