@@ -411,7 +411,7 @@ void Group::add(const Recorded& recorded) {
   add(recorded, paths);
 }
 
-/// paths: of the objects that this call and those around it have written.
+/// paths: objects that are in the file already, and their paths.
 void Group::add(const Recorded& recorded, std::map<const Recorded*, std::string>& paths) {
   for (const Recorded::Attribute& a : recorded.attributes) set_number(a.name, a.type, a.value.data());
   for (const auto& [name, object] : recorded.members) {

@@ -260,8 +260,9 @@ class File : public Group {
   static File create(const std::filesystem::path& path);
   /// A file in memory only; `name` is for messages. See image().
   static File in_memory(const std::string& name);
-  /// No file: its groups keep what is written to them, so that another process can add() it to a file. Only their
-  /// members that write, and has(), open_group() and shape(), may be called, and there are no rows and views.
+  /// No file: its groups keep the objects that are written to them, and another process can add() these objects to a
+  /// file. Allowed are the members of a group that write (except create_rows and write_view), has(), open_group() and
+  /// shape().
   static File recorder(const std::string& name);
   /// Errors: InputError if the file is missing, damaged, or open for writing elsewhere.
   static File open_read(const std::filesystem::path& path);
@@ -285,7 +286,7 @@ class File : public Group {
   void close();
   /// The bytes of a file in memory as they would be on disk; valid until the file is changed.
   std::string_view image();
-  /// What a recorder has kept.
+  /// The objects of a recorder.
   const Recorded& recorded() const { return *recorded_; }
 
  private:

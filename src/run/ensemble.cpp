@@ -303,7 +303,7 @@ class Ensemble {
         const auto bytes = workers[k].result();
         const std::string death = bytes ? "" : fmt::format("the process of this run {}", workers[k].death());
         if (!bytes && !left.empty()) workers[k] = Worker(make);
-        // The worker goes on while this process writes.
+        // The worker computes while this process writes.
         if (left.empty())
           workers.erase(workers.begin() + static_cast<std::ptrdiff_t>(k));
         else

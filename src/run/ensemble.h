@@ -16,7 +16,7 @@ namespace pliant {
 struct MemberOutput {
   nlohmann::ordered_json summary;    ///< as in summary.json; null before the end of the run
   std::vector<std::string> results;  ///< names in the summary that the scenario has measured
-  std::string objects;               ///< those of run.h5 (io/recording.h)
+  std::string objects;               ///< a message with the content of run.h5 (io/recording.h)
 };
 
 /// Makes and runs a member: the scenario with the arguments of the ensemble, and these after them. Errors: as of a run.
