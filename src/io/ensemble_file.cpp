@@ -60,15 +60,15 @@ std::vector<StoredMember> EnsembleFile::members() const {
   return all;
 }
 
-void EnsembleFile::add(const StoredMember& member, std::string_view objects) {
-  const std::string name = fmt::format("{:06}", member.number);
+void EnsembleFile::add(Index number, const std::string& summary, std::string_view objects) {
+  const std::string name = fmt::format("{:06}", number);
   auto members = file_.open_group(members_name);
   if (members.has(name)) members.remove(name);
   // Linked before it has content: HDF5 1.10 loses links of a group without a name if a large copy displaces the group
   // from the metadata cache. Nothing is in the file before flush().
   auto group = members.create_group(name);
-  group.set_attribute("number", static_cast<std::int64_t>(member.number));
-  group.write_text("summary", member.summary.dump());
+  group.set_attribute("number", static_cast<std::int64_t>(number));
+  group.write_text("summary", summary);
   if (!objects.empty()) group.add(hdf5::Recorded::from(objects));
   group.count_members();
   members.count_members();

@@ -31,9 +31,9 @@ class EnsembleFile {
   void describe(const nlohmann::ordered_json& ensemble);
   /// The members so far, in the order of their numbers.
   std::vector<StoredMember> members() const;
-  /// Stores a member. objects: the message with the content of its run.h5 (io/recording.h), empty if the run failed
-  /// before it had any. The file has the member after the next flush().
-  void add(const StoredMember& member, std::string_view objects);
+  /// Stores a member. summary: JSON text. objects: the message with the content of its run.h5 (io/recording.h), empty
+  /// if the run failed before it had any. The file has the member after the next flush().
+  void add(Index number, const std::string& summary, std::string_view objects);
   void flush() { file_.flush(); }
   void close() { file_.close(); }
 

@@ -29,8 +29,8 @@ struct Recorded {
   std::string bytes = {};  ///< values of a dataset, the value of a constant, or a text
   int deflate = 0;
   std::optional<std::uint32_t> crc32 = {};
-  std::vector<Attribute> attributes = {};                                       ///< a group's
-  std::vector<std::pair<std::string, std::shared_ptr<Recorded>>> members = {};  ///< a group's, in their order
+  std::vector<Attribute> attributes = {};                                       ///< numbers of a group
+  std::vector<std::pair<std::string, std::shared_ptr<Recorded>>> members = {};  ///< objects of a group, in order
 
   /// The object at a path, which may begin with "/" if this is the root; nothing if there is none.
   std::shared_ptr<Recorded> find(std::string_view path) const;

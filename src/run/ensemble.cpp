@@ -11,7 +11,9 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <deque>
 #include <filesystem>
+#include <functional>
 #include <limits>
 #include <map>
 #include <optional>
@@ -108,23 +110,36 @@ void check_same(const Json& stored, const Json& wanted, const std::string& folde
     if (there.value(name, Json()) != value) refuse("-" + name, there.value(name, Json()), value);
 }
 
-/// A message of a worker: JSON and the objects of run.h5.
+/// The outcome of a member, as a worker sends it.
 struct Result {
-  Json head;
-  std::string_view objects;  ///< in the message (io/recording.h)
+  ExitCode code = ExitCode::done;
+  std::string message;
+  Json kept;            ///< the part of the summary from which means and tables are made
+  std::string summary;  ///< JSON text
+  std::string objects;  ///< a message with the content of run.h5 (io/recording.h)
 
   std::string bytes() const {
-    const std::string text = head.dump();
-    const std::uint64_t size = text.size();
+    const std::string head = Json{{"code", static_cast<int>(code)}, {"message", message}, {"kept", kept}}.dump();
     std::string all;
-    all.reserve(sizeof size + text.size() + objects.size());
-    all.append(reinterpret_cast<const char*>(&size), sizeof size);
-    return all.append(text).append(objects);
+    for (const std::string& part : {std::cref(head), std::cref(summary), std::cref(objects)}) {
+      const std::uint64_t size = part.size();
+      all.append(reinterpret_cast<const char*>(&size), sizeof size).append(part);
+    }
+    return all;
   }
   static Result from(std::string_view bytes) {
-    std::uint64_t size = 0;
-    std::memcpy(&size, bytes.data(), sizeof size);
-    return {Json::parse(bytes.substr(sizeof size, size)), bytes.substr(sizeof size + size)};
+    const auto part = [&] {
+      std::uint64_t size = 0;
+      std::memcpy(&size, bytes.data(), sizeof size);
+      const std::string_view text = bytes.substr(sizeof size, size);
+      bytes.remove_prefix(sizeof size + size);
+      return text;
+    };
+    Json head = Json::parse(part());
+    Result result{static_cast<ExitCode>(head["code"].get<int>()), head["message"], std::move(head["kept"]), {}, {}};
+    result.summary = part();
+    result.objects = part();
+    return result;
   }
 };
 
@@ -236,10 +251,25 @@ class Ensemble {
     if (former != p_.ensemble) file_->describe(description_);
   }
 
+  /// warnings: the texts of its warnings.
+  Result result_of(Index member, ExitCode code, const std::string& message, const std::vector<std::string>& warnings,
+                   MemberOutput&& output) const {
+    Json summary = std::move(output.summary);
+    if (!summary.is_object()) summary = {{"status", "failed"}, {"message", message}};
+    summary["seed"] = seed_of(member);
+    if (!varied_.values.empty()) summary[varied_.option] = value_of(member);
+    summary["results"] = output.results;
+    summary["warnings"] = warnings;
+    Json kept = Json::object();
+    for (const char* name : {"status", "message", "results", "warnings"})
+      if (summary.contains(name)) kept[name] = summary[name];
+    for (const std::string& name : output.results) kept[name] = summary[name];
+    return {code, message, std::move(kept), summary.dump(), std::move(output.objects)};
+  }
+
   /// The bytes of a Result, in a worker.
   std::string make(Index member) const {
     Quiet quiet;
-    Result result;
     MemberOutput output;
     ExitCode code = ExitCode::done;
     std::string message;
@@ -252,13 +282,7 @@ class Ensemble {
       code = error.code();
       message = error.what();
     }
-    result.head = {{"code", static_cast<int>(code)},
-                   {"message", message},
-                   {"warnings", quiet.warnings},
-                   {"results", output.results},
-                   {"summary", output.summary}};
-    result.objects = output.objects;
-    return result.bytes();
+    return result_of(member, code, message, quiet.warnings, std::move(output)).bytes();
   }
 
   /// Returns whether it was stopped.
@@ -274,15 +298,18 @@ class Ensemble {
       }
     const auto make = [this](Index member) { return this->make(member); };
     std::vector<Worker> workers;
-    const auto start = [&](Worker& worker) {
-      worker.begin(left.back());
-      left.pop_back();
+    const std::size_t at_start = done_.size();
+    // A worker of short runs has the next one before it has finished the last, and does not wait for this process.
+    const auto supply = [&](Worker& worker) {
+      constexpr Real is_short = 0.1;  // s
+      const auto finished = static_cast<Real>(done_.size() - at_start);
+      const std::size_t most = control_.wall_seconds() * static_cast<Real>(workers_) < is_short * finished ? 2 : 1;
+      for (; worker.tasks().size() < most && !left.empty(); left.pop_back()) worker.add(left.back());
     };
     while (workers.size() < static_cast<std::size_t>(workers_) && !left.empty()) {
       workers.emplace_back(make);
-      start(workers.back());
+      supply(workers.back());
     }
-    const std::size_t at_start = done_.size();
     while (!workers.empty()) {
       if (control_.stop()) {
         workers.clear();
@@ -299,19 +326,18 @@ class Ensemble {
       }
       for (std::size_t k = workers.size(); k-- > 0;) {
         if (wait[k].revents == 0) continue;
-        const Index member = *workers[k].task();
+        const std::deque<Index> tasks = workers[k].tasks();
         const auto bytes = workers[k].result();
-        const std::string death = bytes ? "" : fmt::format("the process of this run {}", workers[k].death());
-        if (!bytes && !left.empty()) workers[k] = Worker(make);
-        // The worker computes while this process writes.
-        if (left.empty())
-          workers.erase(workers.begin() + static_cast<std::ptrdiff_t>(k));
-        else
-          start(workers[k]);
-        if (bytes)
-          take(member, Result::from(*bytes));
-        else
-          take(member, {{{"code", static_cast<int>(ExitCode::numerical_failure)}, {"message", death}}, {}});
+        std::string death;
+        if (!bytes) {
+          death = fmt::format("the process of this run {}", workers[k].death());
+          left.insert(left.end(), tasks.rbegin(), tasks.rend() - 1);  // the worker had not begun the others
+          if (!left.empty()) workers[k] = Worker(make);
+        }
+        supply(workers[k]);  // the worker computes while this process writes
+        if (workers[k].tasks().empty()) workers.erase(workers.begin() + static_cast<std::ptrdiff_t>(k));
+        take(tasks.front(),
+             bytes ? Result::from(*bytes) : result_of(tasks.front(), ExitCode::numerical_failure, death, {}, {}));
       }
       constexpr Real often = 0.2;  // s
       if (control_.wall_seconds() - flushed_at_ > often) flush();
@@ -322,24 +348,16 @@ class Ensemble {
   }
 
   void take(Index member, Result&& result) {
-    const auto code = static_cast<ExitCode>(result.head["code"].get<int>());
-    const std::string message = result.head["message"];
     // A run that was stopped by a signal to all processes is not done.
-    if (code == ExitCode::stopped) return;
+    if (result.code == ExitCode::stopped) return;
     // Bad input of one member ends the ensemble, and so do a full disk or memory, which the user can mend.
-    if (code != ExitCode::done && code != ExitCode::numerical_failure) {
+    if (result.code != ExitCode::done && result.code != ExitCode::numerical_failure) {
       flush();
-      throw Error(code, fmt::format("{}: {}", name_of(member), message));
+      throw Error(result.code, fmt::format("{}: {}", name_of(member), result.message));
     }
-    Json summary = result.head.value("summary", Json());
-    if (!summary.is_object()) summary = {{"status", "failed"}, {"message", message}};
-    summary["seed"] = seed_of(member);
-    if (!varied_.values.empty()) summary[varied_.option] = value_of(member);
-    summary["results"] = result.head.value("results", Json::array());
-    summary["warnings"] = result.head.value("warnings", Json::array());
     if (!file_) file_.emplace(EnsembleFile::create(p_.output, description_));
-    file_->add({member, summary}, result.objects);
-    done_.emplace(member, std::move(summary));
+    file_->add(member, result.summary, result.objects);
+    done_.emplace(member, std::move(result.kept));
     unflushed_ = true;
   }
 
@@ -467,7 +485,7 @@ class Ensemble {
   RunControl control_;
   Index workers_, count_;
   std::optional<EnsembleFile> file_;
-  std::map<Index, Json> done_;  ///< summaries
+  std::map<Index, Json> done_;  ///< summaries or their kept parts
   bool unflushed_ = false;
   Real flushed_at_ = 0;
 };

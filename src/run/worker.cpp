@@ -94,12 +94,12 @@ void Worker::swap(Worker& other) noexcept {
   std::swap(process_, other.process_);
   std::swap(tasks_, other.tasks_);
   std::swap(results_, other.results_);
-  std::swap(task_, other.task_);
+  std::swap(waiting_, other.waiting_);
   std::swap(death_, other.death_);
 }
 
-void Worker::begin(Index task) {
-  task_ = task;
+void Worker::add(Index task) {
+  waiting_.push_back(task);
   (void)write_all(tasks_, &task, sizeof task);  // of a dead process, result() is empty
 }
 
@@ -109,10 +109,11 @@ std::optional<std::string> Worker::result() {
   if (read_all(results_, &size, sizeof size)) {
     bytes.resize(size);
     if (read_all(results_, bytes.data(), size)) {
-      task_.reset();
+      waiting_.pop_front();
       return bytes;
     }
   }
+  waiting_.clear();
   int status = 0;
   while (::waitpid(process_, &status, 0) < 0 && errno == EINTR) {
   }

@@ -3,6 +3,7 @@
 
 #include <sys/types.h>
 
+#include <deque>
 #include <functional>
 #include <optional>
 #include <string>
@@ -24,11 +25,13 @@ class Worker {
   }
   ~Worker();
 
-  void begin(Index task);
-  std::optional<Index> task() const { return task_; }
-  /// Readable when the result is there, or when the process has died.
+  /// Gives it a task, which it begins after the tasks before.
+  void add(Index task);
+  /// Tasks whose results have not been read, in their order.
+  const std::deque<Index>& tasks() const { return waiting_; }
+  /// Readable when a result is there, or when the process has died.
   int result_descriptor() const { return results_; }
-  /// The result of its task, or nothing if the process has died: see death().
+  /// The result of its first task; nothing if the process has died, without its other tasks: see death().
   std::optional<std::string> result();
   /// "was killed by signal 9".
   const std::string& death() const { return death_; }
@@ -38,7 +41,7 @@ class Worker {
 
   pid_t process_ = -1;
   int tasks_ = -1, results_ = -1;  ///< descriptors
-  std::optional<Index> task_;
+  std::deque<Index> waiting_;
   std::string death_;
 };
 
