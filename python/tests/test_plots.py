@@ -60,11 +60,11 @@ def call(monkeypatch, capsys):
     return run
 
 
-def assert_picture(path, colors=40):
+def assert_picture(path):
+    """The file holds a picture of at least two inches with coloured lines, symbols or areas, not only grey text and axes."""
     pixels = matplotlib.image.imread(path)[..., :3]
     assert min(pixels.shape[:2]) >= 2 * DPI
-    rgb = (pixels * 255).astype(int) @ (1, 256, 65536)  # a number for each colour: numpy sorts rows slowly
-    assert len(np.unique(rgb)) > colors
+    assert (np.ptp(pixels, axis=2) > 0.2).mean() > 2e-4
     painted = (pixels < 0.98).any(-1).mean()
     assert 0.01 < painted < 0.95
 
@@ -229,7 +229,7 @@ def test_snapshot_panels(soft, rough, smooth, call, tmp_path):
                                          ("series.py", "soft"), ("profile.py", "soft")])
 def test_single_run_figures(name, model, request, call, tmp_path):
     call(name, request.getfixturevalue(model)[0], "-o", tmp_path / "a.png")
-    assert_picture(tmp_path / "a.png", colors=30)
+    assert_picture(tmp_path / "a.png")
 
 
 def test_vector_output(soft, call, tmp_path):
@@ -262,7 +262,7 @@ def write_discharge(path, c0=0.5, residue=45, ended=True):
 def test_discharge(call, tmp_path, monkeypatch):
     run = write_discharge(tmp_path / "run")
     text = call("discharge.py", run, "-o", tmp_path / "a.png")
-    assert_picture(tmp_path / "a.png", colors=30)
+    assert_picture(tmp_path / "a.png")
     assert [cell.strip() for cell in text.splitlines()[2].split("|")[2:-1]] == \
         ["0.500 ± 0.010", "20 … 100", "0.3", "45", "45"]
     monkeypatch.setattr(sys, "path", ["", *sys.path])
@@ -276,7 +276,7 @@ def test_discharge(call, tmp_path, monkeypatch):
 
 def test_discharge_that_goes_on(call, tmp_path):
     text = call("discharge.py", write_discharge(tmp_path / "run", ended=False), "-o", tmp_path / "a.png")
-    assert_picture(tmp_path / "a.png", colors=30)
+    assert_picture(tmp_path / "a.png")
     assert [cell.strip() for cell in text.splitlines()[2].split("|")[2:-1]] == ["–", "–", "–", "–", "45"]
 
 
@@ -349,7 +349,7 @@ def test_beverloo_from_a_table_with_few_points(call, tmp_path):
     (tmp_path / "sweep.csv").write_text("w,Q,Q_error\n3,0.25,0.01\n5,0.94,0.02\n", encoding="utf-8")
     text = call("beverloo.py", tmp_path / "sweep.csv", "-o", tmp_path / "a.png")
     assert "too few" in text
-    assert_picture(tmp_path / "a.png", colors=20)
+    assert_picture(tmp_path / "a.png")
     text = call("beverloo.py", tmp_path / "sweep.csv", "--beta", 1.5, "-o", tmp_path / "a.png")
     assert "too few" not in text
     (tmp_path / "laws.csv").write_text("w,Q,Q_error,friction\n3,0.25,0.01,whole\n5,0.94,0.02,whole\n3,0.5,0.01,tangential\n",
