@@ -62,6 +62,8 @@ def check(root):
             place = f"{page.relative_to(root).as_posix()}:{text.count(chr(10), 0, found.start()) + 1}"
             if not target.exists():
                 dead.append(f"{place}: {address} does not exist")
+            elif target.is_dir() and not name.endswith("examples/gallery"):  # the site has pages of the gallery
+                dead.append(f"{place}: {address} is a folder, and the site has no page for it")
             elif anchor and target.suffix == ".md":
                 if target not in known:
                     known[target] = anchors(target)

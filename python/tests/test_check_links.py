@@ -25,9 +25,10 @@ GOOD = {
     ({"docs/c.md": "[a](a.md#three)\n"}, "docs/c.md:1: a.md has no heading #three"),
     ({"docs/c.md": "[a](#three)\n"}, "docs/c.md:1: c.md has no heading #three"),
     ({"docs/c.md": "![a](c.png)\n"}, "docs/c.md:1: c.png does not exist"),
+    ({"docs/c.md": "[a](../src)\n"}, "docs/c.md:1: ../src is a folder, and the site has no page for it"),
     ({"docs/c.md": "`src/b.h`\n"}, "docs/c.md:1: src/b.h does not exist"),
     ({"src/a.h": "\n// docs/gone.md has the formulas.\n"}, "src/a.h:2: docs/gone.md does not exist"),
-], ids=["good", "page", "heading", "own heading", "picture", "path", "comment"])
+], ids=["good", "page", "heading", "own heading", "picture", "folder", "path", "comment"])
 def test_links(changed, expected, tmp_path):
     for name, text in (GOOD | changed).items():
         path = tmp_path / name
