@@ -26,10 +26,22 @@ endif()
 # (-Og) would slow down steps: the linker takes one of the copies of an inline function that several folders contain.
 set(pliant_optimise_less $<$<CONFIG:Release>:-O1>)
 
-# pliant_folder(<name> DEPENDS <folders…> LINK <libraries…> PATH <path> RECURSE): library pliant_<name>, exported as
-# pliant::<name>, from src/<path> (src/<name> unless given), RECURSE: and the folders in it.
+# A static library in the build and install trees.
+function(pliant_library name)
+  add_library(pliant_${name} STATIC)
+  target_link_libraries(pliant_${name} PRIVATE $<BUILD_INTERFACE:pliant_warnings>)
+  set_target_properties(pliant_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
+  target_include_directories(pliant_${name} PUBLIC $<BUILD_INTERFACE:${PLIANT_INCLUDE_ROOT}>
+                                                   $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+  target_compile_features(pliant_${name} PUBLIC cxx_std_20)
+endfunction()
+
+# pliant_folder(<name> DEPENDS <folders…> LINK <libraries…> OPTIONS <options…> PATH <path> RECURSE JOIN <name>): library
+# pliant_<name>, exported as pliant::<name>, from src/<path> (src/<name> unless given), RECURSE: and the folders in it.
+# Where sources are joined, all folders with the same JOIN become one source and one library: they share most of their
+# headers and templates.
 function(pliant_folder name)
-  cmake_parse_arguments(ARG "RECURSE" "PATH" "DEPENDS;LINK" ${ARGN})
+  cmake_parse_arguments(ARG "RECURSE" "PATH;JOIN" "DEPENDS;LINK;OPTIONS" ${ARGN})
   if(NOT ARG_PATH)
     set(ARG_PATH ${name})
   endif()
@@ -39,22 +51,27 @@ function(pliant_folder name)
   endif()
   file(${glob} sources CONFIGURE_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/${ARG_PATH}/*.cpp")
   list(TRANSFORM ARG_DEPENDS PREPEND pliant_)
-  if(sources)
-    add_library(pliant_${name} STATIC ${sources})
-    set(scope PUBLIC)
-    target_link_libraries(pliant_${name} PRIVATE $<BUILD_INTERFACE:pliant_warnings>)
-    set_target_properties(pliant_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
-  else()
+
+  set(library ${name})
+  if(ARG_JOIN AND CMAKE_UNITY_BUILD)
+    set(library ${ARG_JOIN})
     add_library(pliant_${name} INTERFACE)
-    set(scope INTERFACE)
+    target_link_libraries(pliant_${name} INTERFACE pliant_${library})
+    set_property(GLOBAL APPEND PROPERTY PLIANT_LIBRARIES pliant_${name})
+    set_property(GLOBAL APPEND PROPERTY PLIANT_FOLDERS_OF_${library} pliant_${name})
+    get_property(joined GLOBAL PROPERTY PLIANT_FOLDERS_OF_${library})
+    list(REMOVE_ITEM ARG_DEPENDS ${joined})
   endif()
-  add_library(pliant::${name} ALIAS pliant_${name})
+  if(NOT TARGET pliant_${library})
+    pliant_library(${library})
+    set_target_properties(pliant_${library} PROPERTIES EXPORT_NAME ${library})
+    set_property(GLOBAL APPEND PROPERTY PLIANT_LIBRARIES pliant_${library})
+  endif()
+  target_sources(pliant_${library} PRIVATE ${sources})
+  target_compile_options(pliant_${library} PRIVATE ${ARG_OPTIONS})
+  target_link_libraries(pliant_${library} PUBLIC ${ARG_DEPENDS} ${ARG_LINK})
   set_target_properties(pliant_${name} PROPERTIES EXPORT_NAME ${name})
-  target_include_directories(pliant_${name} ${scope} $<BUILD_INTERFACE:${PLIANT_INCLUDE_ROOT}>
-                                                     $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
-  target_compile_features(pliant_${name} ${scope} cxx_std_20)
-  target_link_libraries(pliant_${name} ${scope} ${ARG_DEPENDS} ${ARG_LINK})
-  set_property(GLOBAL APPEND PROPERTY PLIANT_LIBRARIES pliant_${name})
+  add_library(pliant::${name} ALIAS pliant_${name})
 endfunction()
 
 # pliant_part(<folder> <name> SOURCES <files…> OPTIONS <options…>): compiles these files of a folder, joined or each by

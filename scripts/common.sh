@@ -3,7 +3,7 @@ set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 build=$root/build
 cores=$(env -u OMP_NUM_THREADS -u OMP_THREAD_LIMIT nproc)  # builds use all cores, independent of the threads of runs
-joined=(-D CMAKE_UNITY_BUILD=ON -D CMAKE_UNITY_BUILD_BATCH_SIZE=0)  # all sources of a folder are compiled as one
+joined=(-D CMAKE_UNITY_BUILD=ON -D CMAKE_UNITY_BUILD_BATCH_SIZE=0)  # all sources of a folder, or of several, are compiled as one
 werror=OFF  # warnings as errors: in CI
 if [[ ${CI:-} == true ]]; then
   werror=ON

@@ -8,7 +8,7 @@
 namespace pliant {
 namespace {
 
-constexpr Index none = -1;
+constexpr Index no_particle = -1;
 
 /// Droplets, their links, and which of them are at a wall.
 struct Heap {
@@ -27,7 +27,7 @@ struct Heap {
 std::vector<Index> shortest_chain(const Heap& heap, const std::vector<Real>& height,
                                   const std::vector<std::uint8_t>& allowed) {
   const auto n = static_cast<Index>(height.size());
-  std::vector<Index> before(n, none);
+  std::vector<Index> before(n, no_particle);
   std::vector<Real> sum(n, std::numeric_limits<Real>::infinity());
   std::vector<std::uint8_t> reached(n);
   std::vector<Index> front;
@@ -38,12 +38,12 @@ std::vector<Index> shortest_chain(const Heap& heap, const std::vector<Real>& hei
     }
   while (!front.empty()) {
     for (const Index i : front) reached[i] = 1;
-    Index last = none;
+    Index last = no_particle;
     for (const Index i : front)
-      if (heap.right[i] && (last == none || sum[i] < sum[last])) last = i;
-    if (last != none) {
+      if (heap.right[i] && (last == no_particle || sum[i] < sum[last])) last = i;
+    if (last != no_particle) {
       std::vector<Index> chain;
-      for (Index i = last; i != none; i = before[i]) chain.push_back(i);
+      for (Index i = last; i != no_particle; i = before[i]) chain.push_back(i);
       std::reverse(chain.begin(), chain.end());
       return chain;
     }
@@ -51,7 +51,7 @@ std::vector<Index> shortest_chain(const Heap& heap, const std::vector<Real>& hei
     for (const Index i : front)
       for (const Index j : heap.graph[i]) {
         if (!allowed[j] || reached[j] || sum[i] + height[j] >= sum[j]) continue;
-        if (before[j] == none) next.push_back(j);
+        if (before[j] == no_particle) next.push_back(j);
         before[j] = i;
         sum[j] = sum[i] + height[j];
       }

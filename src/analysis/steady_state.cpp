@@ -96,20 +96,20 @@ Powers significant_powers(std::span<const Real> values, const Strictness& strict
 }
 
 /// Between the ends of a series, or between its lowest and highest part; none: 0.
-struct Change {
+struct Drift {
   Real before = 0, after = 0;
   bool ends = false;
   Real size() const { return std::abs(after - before); }
 };
 
-Change significant_change(std::span<const Real> values, const Strictness& strictness) {
+Drift significant_change(std::span<const Real> values, const Strictness& strictness) {
   const Powers powers = significant_powers(values, strictness);
   if (std::none_of(powers.begin() + 1, powers.end(), [](bool power) { return power; })) return {};
   const std::size_t third = values.size() / 3;
-  const Change ends{average_of(values.first(third)), average_of(values.last(third)), true};
+  const Drift ends{average_of(values.first(third)), average_of(values.last(third)), true};
   const std::vector<Real> sixths = means_of_batches(values, 6);
   const auto [low, high] = std::minmax_element(sixths.begin(), sixths.end());
-  const Change swing{*low, *high, false};
+  const Drift swing{*low, *high, false};
   return powers[1] && 2 * ends.size() > swing.size() ? ends : swing;
 }
 
@@ -125,7 +125,7 @@ std::vector<Real> deviations(std::span<const Real> values) {
   return deviations;
 }
 
-std::string text_of(std::string_view what, const Change& change) {
+std::string text_of(std::string_view what, const Drift& change) {
   return change.ends ? fmt::format("{} changes from {:.4g} in the first third to {:.4g} in the last", what,
                                    change.before, change.after)
                      : fmt::format("{} varies between {:.4g} and {:.4g}", what, change.before, change.after);
@@ -140,9 +140,9 @@ std::string drift_of(const NamedSeries& series, const Strictness& strictness) {
     return fmt::format("the {} has {} samples, too few to see a drift", series.name, series.values.size());
   if (!finite(series.values)) return fmt::format("the {} is not finite", series.name);
   const Real least_change = series.tolerance * std::abs(average_of(series.values));
-  if (const Change change = significant_change(series.values, strictness); change.size() > least_change)
+  if (const Drift change = significant_change(series.values, strictness); change.size() > least_change)
     return text_of(fmt::format("the mean of the {}", series.name), change);
-  const Change change = significant_change(deviations(series.values), strictness);
+  const Drift change = significant_change(deviations(series.values), strictness);
   const auto [narrow, wide] = std::minmax(change.before, change.after);
   if (change.size() > least_change && wide > strictness.spread * narrow)
     return text_of(fmt::format("the spread of the {}", series.name), change);

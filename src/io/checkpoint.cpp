@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::array names{"checkpoint-a.h5", "checkpoint-b.h5"};
+constexpr std::array file_names{"checkpoint-a.h5", "checkpoint-b.h5"};
 
 // A file is a head, which HDF5 skips as a "user block", and an HDF5 file. The head is a line of text, filled up with
 // zeros, with length and checksum of the bytes behind it, so that a change of any bit is detected.
@@ -127,13 +127,13 @@ const std::string& Checkpoint::text(const std::string& name) const { return entr
 // ---- writing ---------------------------------------------------------------------------------------------------
 
 CheckpointWriter::CheckpointWriter(fs::path folder, const fs::path& newest)
-    : folder_(std::move(folder)), next_(newest.filename() == names[0] ? 1 : 0) {}
+    : folder_(std::move(folder)), next_(newest.filename() == file_names[0] ? 1 : 0) {}
 
 void CheckpointWriter::begin(Real t, std::int64_t step) {
   // In memory, so that a full disk cannot leave HDF5 with a file that it can neither write nor close.
   group_.reset();
   file_.reset();  // HDF5 opens no name twice
-  file_.emplace(hdf5::File::in_memory((folder_ / names[next_]).string()));
+  file_.emplace(hdf5::File::in_memory((folder_ / file_names[next_]).string()));
   group_.emplace(file_->create_group("state"));
   group_->set_attribute("time", t);
   group_->set_attribute("step", step);
@@ -153,7 +153,7 @@ void CheckpointWriter::finish() {
   hdf5::File file = *std::move(file_);
   file_.reset();
   const std::string_view image = file.image();
-  write_file_atomically(folder_ / names[next_],
+  write_file_atomically(folder_ / file_names[next_],
                         {make_head(image.size(), crc32_of(std::as_bytes(std::span(image)))), image});
   next_ = 1 - next_;
 }
@@ -161,7 +161,7 @@ void CheckpointWriter::finish() {
 // ---- reading ---------------------------------------------------------------------------------------------------
 
 bool has_checkpoint(const fs::path& folder) {
-  return std::any_of(names.begin(), names.end(), [&](const char* name) {
+  return std::any_of(file_names.begin(), file_names.end(), [&](const char* name) {
     std::error_code ignored;
     return fs::exists(folder / name, ignored);
   });
@@ -175,7 +175,7 @@ StoredCheckpoints find_checkpoints(const fs::path& folder) {
     fs::path path;
   };
   std::vector<Whole> whole;
-  for (const char* name : names) {
+  for (const char* name : file_names) {
     const fs::path path = folder / name;
     std::error_code error;
     const auto time = fs::last_write_time(path, error);

@@ -16,7 +16,7 @@ using nlohmann::ordered_json;
 
 constexpr const char *format_name = "format", *checksum_name = "crc32";
 constexpr int sealed_format = 2;
-constexpr std::size_t largest = std::size_t{64} << 20;
+constexpr std::size_t largest_file = std::size_t{64} << 20;
 
 /// The last member, behind `text`.
 std::string seal_of(std::string_view text) {
@@ -43,7 +43,7 @@ void write_json(const std::filesystem::path& path, const ordered_json& object) {
 ordered_json read_json(const std::filesystem::path& path) {
   std::error_code error;
   if (!std::filesystem::exists(path, error) && !error) return {};
-  const std::string text = read_text_file(path.string(), largest, "file");
+  const std::string text = read_text_file(path.string(), largest_file, "file");
   ordered_json object = ordered_json::parse(text, nullptr, false);
   // Each of the two members marks a file with a checksum: damage cannot hide both.
   const bool sealed = object.contains(format_name) || object.contains(checksum_name);

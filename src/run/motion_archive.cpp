@@ -10,7 +10,7 @@ namespace pliant {
 namespace {
 
 /// 0 if there are none: limits matter only when a checkpoint is read, and Simulation::all() is empty during the run.
-Real largest(const std::vector<Real>& values) {
+Real largest_of(const std::vector<Real>& values) {
   return values.empty() ? 0 : *std::max_element(values.begin(), values.end());
 }
 
@@ -34,7 +34,7 @@ void MotionArchive<D>::particles() {
 template <int D>
 void MotionArchive<D>::numbers(Real longest, std::optional<Real> skin) {
   constexpr Real smallest = std::numeric_limits<Real>::min();
-  const Real widest = std::max(simulation_.particles().neighbours().skin(), largest(simulation_.all().diameter));
+  const Real widest = std::max(simulation_.particles().neighbours().skin(), largest_of(simulation_.all().diameter));
   a_.flag("changed", n_.changed);
   a_.number("dt", n_.dt, smallest, longest);
   a_.number("last_dt", n_.last_dt, smallest, longest);
@@ -51,7 +51,7 @@ void MotionArchive<D>::numbers(Real longest, std::optional<Real> skin) {
 
 template <int D>
 Real MotionArchive<D>::fastest() const {
-  return 10 * largest(simulation_.all().sigma) / n_.dt;
+  return 10 * largest_of(simulation_.all().sigma) / n_.dt;
 }
 
 template <int D>

@@ -17,15 +17,15 @@ namespace pliant {
 namespace {
 
 constexpr std::size_t largest_table = std::size_t{1} << 30;  ///< bytes
-constexpr std::string_view separators = ",; \t\r";
+constexpr std::string_view column_separators = ",; \t\r";
 
 std::vector<std::string_view> words_of(std::string_view line) {
   std::vector<std::string_view> words;
-  std::size_t at = line.find_first_not_of(separators);
+  std::size_t at = line.find_first_not_of(column_separators);
   while (at != line.npos) {
-    const std::size_t end = std::min(line.find_first_of(separators, at), line.size());
+    const std::size_t end = std::min(line.find_first_of(column_separators, at), line.size());
     words.push_back(line.substr(at, end - at));
-    at = line.find_first_not_of(separators, end);
+    at = line.find_first_not_of(column_separators, end);
   }
   return words;
 }

@@ -19,7 +19,7 @@
 namespace pliant {
 namespace {
 
-constexpr std::uint64_t most_attempts = 2000;
+constexpr std::uint64_t most_attempts_per_particle = 2000;
 
 /// From so many particles on, fluctuations of the density over large distances make random starts slow.
 constexpr Index many = 100000;
@@ -47,10 +47,10 @@ void find_place(const Container& container, const Walls<D>& walls, Real height, 
                 Index m, std::uint64_t round, std::uint64_t* evenly, Real* r) {
   const Vec<2> across = D == 2 ? container.extent() : Vec<2>(-container.extent()[1], container.extent()[1]);
   const Real middle = (across[0] + across[1]) / 2, half = (across[1] - across[0]) / 2;
-  for (std::uint64_t attempt = 0; attempt < most_attempts; ++attempt) {
+  for (std::uint64_t attempt = 0; attempt < most_attempts_per_particle; ++attempt) {
     const auto draw = [&](std::uint64_t k) {
       return rng::uniform(seed, stream::placement,
-                          (static_cast<std::uint64_t>(m) << 24) + 4 * (round * most_attempts + attempt) + k);
+                          (static_cast<std::uint64_t>(m) << 24) + 4 * (round * most_attempts_per_particle + attempt) + k);
     };
     Vec<D> place;
     for (int k = 0; k < D; ++k) place[k] = draw(static_cast<std::uint64_t>(k));
@@ -65,7 +65,7 @@ void find_place(const Container& container, const Walls<D>& walls, Real height, 
   }
   throw NumericalError(
       "packing: no room for particle {} below a height of {:.3g} in {} attempts; make obstacles smaller", m, height,
-      most_attempts);
+      most_attempts_per_particle);
 }
 
 /// Largest overlap over the contact distance, of points among each other and with walls; or any one above `enough`.

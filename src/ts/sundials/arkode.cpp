@@ -21,6 +21,7 @@
 #include <vector>
 
 namespace pliant::sundials {
+namespace arkode {
 namespace {
 
 // ---- Methods and their tables ----
@@ -696,8 +697,10 @@ PetscErrorCode view(TS ts, PetscViewer viewer) {
 }
 
 }  // namespace
+}  // namespace arkode
 
 PetscErrorCode explicit_table(TS ts, ArkodeTable* table) {
+  using namespace arkode;
   const Arkode& d = data_of(ts);
   const Table* found = nullptr;
   PetscFunctionBegin;
@@ -713,6 +716,7 @@ PetscErrorCode explicit_table(TS ts, ArkodeTable* table) {
 }
 
 PetscErrorCode arkode_create(TS ts) {
+  using namespace arkode;
   PetscFunctionBegin;
   ts->data = static_cast<Link*>(new Arkode);
   ts->ops->setup = set_up;

@@ -12,6 +12,7 @@
 #include <cmath>
 
 namespace pliant::sundials {
+namespace cvode {
 namespace {
 
 constexpr const char* types[] = {"adams", "bdf"};
@@ -378,8 +379,10 @@ PetscErrorCode view(TS ts, PetscViewer viewer) {
 }
 
 }  // namespace
+}  // namespace cvode
 
 PetscErrorCode cvode_create(TS ts) {
+  using namespace cvode;
   PetscFunctionBegin;
   ts->data = static_cast<Link*>(new Cvode);
   ts->ops->setup = set_up;
