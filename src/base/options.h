@@ -1,6 +1,7 @@
 // Options of the program: typed, with unit, range and help, on top of the PETSc options database.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -160,8 +161,16 @@ class Options {
 
  private:
   struct Enumeration {
-    std::function<void(std::size_t)> set;
-    std::function<std::size_t()> get;
+    void* target;
+    void (*write)(void* target, std::int64_t value);
+    std::int64_t (*read)(const void* target);
+    std::vector<std::int64_t> values = {};
+
+    void set(std::size_t choice) const { write(target, values[choice]); }
+    /// values.size() if the variable has none of the values.
+    std::size_t get() const {
+      return static_cast<std::size_t>(std::ranges::find(values, read(target)) - values.begin());
+    }
   };
   using Target = std::variant<Real*, std::optional<Real>*, Index*, std::int64_t*, bool*, std::string*, Enumeration>;
   struct Option {
@@ -202,18 +211,14 @@ template <class E>
 requires std::is_enum_v<E>
 void Options::bind(const std::string& name, E& target, const std::vector<std::pair<std::string, E>>& values,
                    OptionSpec spec) {
-  std::vector<E> order;
+  Enumeration all{&target, [](void* to, std::int64_t value) { *static_cast<E*>(to) = static_cast<E>(value); },
+                  [](const void* from) { return static_cast<std::int64_t>(*static_cast<const E*>(from)); }};
   spec.choices.clear();
   for (const auto& [text, item] : values) {
     spec.choices.push_back(text);
-    order.push_back(item);
+    all.values.push_back(static_cast<std::int64_t>(item));
   }
-  const auto index = [order, &target] {
-    std::size_t i = 0;
-    while (i < order.size() && order[i] != target) ++i;
-    return i;
-  };
-  add(name, Enumeration{[order, &target](std::size_t i) { target = order[i]; }, index}, std::move(spec));
+  add(name, std::move(all), std::move(spec));
 }
 
 }  // namespace pliant

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstring>
+#include <functional>
 #include <limits>
 #include <optional>
 #include <span>
@@ -145,31 +146,10 @@ class Ranks {
   }
 
   /// Runs body() on every rank that calls it; if it throws on any of them, all throw the error of the first of these.
-  template <class Body>
-  void together(Body&& body) const {
-    if (!several()) return body();
-    std::optional<Error> error;
-    try {
-      body();
-    } catch (...) {
-      error = error_in_flight();
-    }
-    const int first = size_ - 1 - max(error ? size_ - 1 - rank_ : -1);
-    if (first == size_) return;
-    std::vector<char> text;
-    if (rank_ == first) text.assign(error->what(), error->what() + std::strlen(error->what()));
-    const auto code = broadcast(rank_ == first ? error->code() : ExitCode::done, first);
-    broadcast(text, first);
-    throw Error(code, std::string(text.begin(), text.end()));
-  }
+  void together(const std::function<void()>& body) const;
 
   /// Runs body() on the root; its error is everybody's.
-  template <class Body>
-  void on_root(Body&& body) const {
-    together([&] {
-      if (root()) body();
-    });
-  }
+  void on_root(const std::function<void()>& body) const;
 
  private:
   template <class T>

@@ -113,44 +113,7 @@ int complain_in_flight() {
   }
 }
 
-std::terminate_handler other_terminate = nullptr;
-
-/// For destructors that need memory, such as the destructor of nlohmann::json.
-[[noreturn]] void on_terminate() {
-  try {
-    if (const auto error = std::current_exception()) std::rethrow_exception(error);
-  } catch (const std::bad_alloc&) {
-    std::_Exit(complain_without_memory());
-  } catch (...) {
-    if (other_terminate != nullptr) other_terminate();
-  }
-  std::abort();
-}
-
-}  // namespace
-
-ExitCode run_by_options(const std::string& scenario, const RunOptions& p, Options& options, const Ranks& ranks,
-                        const std::function<std::unique_ptr<AnyRun>(std::optional<Checkpoint>)>& make) {
-  if (!p.ensemble_over.empty())
-    throw InputError("-ensemble_over {}: give the number of runs with each value, -ensemble", p.ensemble_over);
-  if (p.ensemble_workers > 0)
-    throw InputError("-ensemble_workers {}: a single run has no runs at a time; give -ensemble, or leave it out",
-                     p.ensemble_workers);
-  start_log();
-  const CureOptions cure_options([&](Cure cure) { return options.curing(cure); });
-  FolderLock lock;  // held until the run has closed its files
-  std::unique_ptr<AnyRun> run;
-  make_run(scenario, p, options, ranks, lock,
-           [&](std::optional<Checkpoint> checkpoint) { run = make(std::move(checkpoint)); });
-  return run->run();
-}
-
-ExitCode run_member(const Options& options, const std::function<std::unique_ptr<AnyRun>()>& make) {
-  start_log();
-  const CureOptions cure_options([&](Cure cure) { return options.curing(cure); });
-  return make()->run();
-}
-
+/// -help, -version, -help_markdown or -help_json is answered; otherwise true: to be run.
 bool parse_arguments(const std::string& scenario, Options& options, const Arguments& arguments, const Ranks& ranks) {
   if (arguments == Arguments{reference}) {
     answer(ranks, options.markdown());
@@ -172,6 +135,89 @@ bool parse_arguments(const std::string& scenario, Options& options, const Argume
       break;
   }
   return true;
+}
+
+/// Runs a scenario of this name, new or continued, and writes its folder. p is bound to `options`, which are stored
+/// with the run.
+ExitCode run_alone(const std::string& scenario, ScenarioParameters& parameters, Options& options, const Ranks& ranks) {
+  RunOptions& p = parameters.run_options();
+  if (!p.ensemble_over.empty())
+    throw InputError("-ensemble_over {}: give the number of runs with each value, -ensemble", p.ensemble_over);
+  if (p.ensemble_workers > 0)
+    throw InputError("-ensemble_workers {}: a single run has no runs at a time; give -ensemble, or leave it out",
+                     p.ensemble_workers);
+  start_log();
+  const CureOptions cure_options([&](Cure cure) { return options.curing(cure); });
+  FolderLock lock;  // held until the run has closed its files
+  std::unique_ptr<AnyRun> run;
+  make_run(scenario, p, options, ranks, lock, [&](std::optional<Checkpoint> checkpoint) {
+    if (!p.restart.empty() && !p.branches(options)) p.output = p.restart;
+    parameters.take_start(checkpoint);
+    parameters.resolve();
+    run = parameters.make(options, ranks, std::move(checkpoint));
+  });
+  return run->run();
+}
+
+/// Makes and runs a member of an ensemble.
+ExitCode run_member(ScenarioParameters& parameters, const Arguments& arguments, const Ranks& ranks,
+                    MemberOutput& output) {
+  RunOptions& p = parameters.run_options();
+  Options options;
+  parameters.bind(options);
+  options.parse(arguments);
+  p.threads = 1;
+  p.max_wall_time = 0;
+  p.member = &output;
+  start_log();
+  const CureOptions cure_options([&](Cure cure) { return options.curing(cure); });
+  std::optional<Checkpoint> none;
+  parameters.take_start(none);
+  parameters.resolve();
+  return parameters.make(options, ranks, {})->run();
+}
+
+std::terminate_handler other_terminate = nullptr;
+
+/// For destructors that need memory, such as the destructor of nlohmann::json.
+[[noreturn]] void on_terminate() {
+  try {
+    if (const auto error = std::current_exception()) std::rethrow_exception(error);
+  } catch (const std::bad_alloc&) {
+    std::_Exit(complain_without_memory());
+  } catch (...) {
+    if (other_terminate != nullptr) other_terminate();
+  }
+  std::abort();
+}
+
+}  // namespace
+
+Scenario scenario_of(std::string name, std::string help, std::shared_ptr<const ScenarioParameters> defaults,
+                     std::vector<std::string> most_used) {
+  Scenario s{.name = name, .help = std::move(help), .run = {}};
+  s.table = [defaults] {
+    const auto parameters = defaults->copy();
+    Options options;
+    parameters->bind(options);
+    return options.table();
+  };
+  s.run = [name = std::move(name), defaults = std::move(defaults), most_used = std::move(most_used)](
+              const Arguments& arguments, const Ranks& ranks) {
+    const auto parameters = defaults->copy();
+    Options options;
+    parameters->bind(options);
+    options.most_used(most_used);
+    if (!parse_arguments(name, options, arguments, ranks)) return ExitCode::done;
+    const RunOptions& p = parameters->run_options();
+    if (p.ensemble == 0) return run_alone(name, *parameters, options, ranks);
+    return run_ensemble(name, p, options, ranks, [&](const Arguments& more, MemberOutput& output) {
+      Arguments all = arguments;
+      all.insert(all.end(), more.begin(), more.end());
+      return run_member(*defaults->copy(), all, ranks, output);
+    });
+  };
+  return s;
 }
 
 int run_program(int argc, char** argv, const std::vector<Scenario>& scenarios) {

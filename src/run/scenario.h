@@ -37,17 +37,27 @@ template <class Parameters>
 using MakeRun = std::function<std::unique_ptr<AnyRun>(const Parameters& p, const Options& options, const Ranks& ranks,
                                                       std::optional<Checkpoint> checkpoint)>;
 
-/// Runs a scenario of this name, new or continued, and writes its folder. p: bound to `options`, which are stored with
-/// the run. Returns done, or stopped if a checkpoint was written and the same command resumes. Errors: InputError
-/// before any work; NumericalError and OutputError with all earlier data intact. Collective.
-ExitCode run_by_options(const std::string& scenario, const RunOptions& p, Options& options, const Ranks& ranks,
-                        const std::function<std::unique_ptr<AnyRun>(std::optional<Checkpoint>)>& make);
+/// The parameters of a scenario and how a run is made from them: option_scenario().
+class ScenarioParameters {
+ public:
+  ScenarioParameters() = default;
+  ScenarioParameters(const ScenarioParameters&) = delete;
+  ScenarioParameters& operator=(const ScenarioParameters&) = delete;
+  virtual ~ScenarioParameters() = default;
 
-/// Makes and runs a member of an ensemble.
-ExitCode run_member(const Options& options, const std::function<std::unique_ptr<AnyRun>()>& make);
+  virtual std::unique_ptr<ScenarioParameters> copy() const = 0;
+  virtual RunOptions& run_options() = 0;
+  virtual void bind(Options& options) = 0;
+  virtual void take_start(std::optional<Checkpoint>& checkpoint) = 0;
+  virtual void resolve() = 0;
+  /// The run refers to these parameters, which outlive it.
+  virtual std::unique_ptr<AnyRun> make(const Options& options, const Ranks& ranks,
+                                       std::optional<Checkpoint> checkpoint) const = 0;
+};
 
-/// -help, -version, -help_markdown or -help_json is answered; otherwise true: to be run.
-bool parse_arguments(const std::string& scenario, Options& options, const Arguments& arguments, const Ranks& ranks);
+/// See option_scenario().
+Scenario scenario_of(std::string name, std::string help, std::shared_ptr<const ScenarioParameters> defaults,
+                     std::vector<std::string> most_used);
 
 /// A scenario that is described by options. Parameters: a RunOptions with bind(Options&), which is called first;
 /// optionally take_start(checkpoint), which takes the particles of -start; and resolve(), which fills in automatic
@@ -56,48 +66,27 @@ bool parse_arguments(const std::string& scenario, Options& options, const Argume
 template <class Parameters>
 Scenario option_scenario(std::string name, std::string help, MakeRun<Parameters> make,
                          Parameters defaults = Parameters(), std::vector<std::string> most_used = {}) {
-  Scenario s{.name = name, .help = std::move(help), .run = {}};
-  s.table = [defaults] {
-    Parameters p = defaults;
-    Options options;
-    p.bind(options);
-    return options.table();
+  class Own final : public ScenarioParameters {
+   public:
+    Own(Parameters defaults, MakeRun<Parameters> make) : p_(std::move(defaults)), make_(std::move(make)) {}
+    std::unique_ptr<ScenarioParameters> copy() const override { return std::make_unique<Own>(p_, make_); }
+    RunOptions& run_options() override { return p_; }
+    void bind(Options& options) override { p_.bind(options); }
+    void take_start(std::optional<Checkpoint>& checkpoint) override {
+      if constexpr (requires { p_.take_start(checkpoint); }) p_.take_start(checkpoint);
+    }
+    void resolve() override { p_.resolve(); }
+    std::unique_ptr<AnyRun> make(const Options& options, const Ranks& ranks,
+                                 std::optional<Checkpoint> checkpoint) const override {
+      return make_(p_, options, ranks, std::move(checkpoint));
+    }
+
+   private:
+    Parameters p_;
+    MakeRun<Parameters> make_;
   };
-  s.run = [name = std::move(name), make = std::move(make), defaults = std::move(defaults),
-           most_used = std::move(most_used)](const Arguments& arguments, const Ranks& ranks) {
-    Parameters p = defaults;
-    Options options;
-    p.bind(options);
-    options.most_used(most_used);
-    if (!parse_arguments(name, options, arguments, ranks)) return ExitCode::done;
-    if (p.ensemble > 0)
-      return run_ensemble(name, p, options, ranks, [&](const Arguments& more, MemberOutput& output) {
-        Parameters own = defaults;
-        Options of_member;
-        own.bind(of_member);
-        Arguments all = arguments;
-        all.insert(all.end(), more.begin(), more.end());
-        of_member.parse(all);
-        own.threads = 1;
-        own.max_wall_time = 0;
-        own.member = &output;
-        return run_member(of_member, [&] {
-          if constexpr (requires { own.take_start(std::optional<Checkpoint>()); }) {
-            std::optional<Checkpoint> none;
-            own.take_start(none);
-          }
-          own.resolve();
-          return make(own, of_member, ranks, {});
-        });
-      });
-    return run_by_options(name, p, options, ranks, [&](std::optional<Checkpoint> checkpoint) {
-      if (!p.restart.empty() && !p.branches(options)) p.output = p.restart;
-      if constexpr (requires { p.take_start(checkpoint); }) p.take_start(checkpoint);
-      p.resolve();
-      return make(p, options, ranks, std::move(checkpoint));
-    });
-  };
-  return s;
+  return scenario_of(std::move(name), std::move(help), std::make_shared<Own>(std::move(defaults), std::move(make)),
+                     std::move(most_used));
 }
 
 /// As above, for a class Own that is a Protocol and is constructed from the parameters, which outlive it, and the

@@ -49,8 +49,9 @@ void find_place(const Container& container, const Walls<D>& walls, Real height, 
   const Real middle = (across[0] + across[1]) / 2, half = (across[1] - across[0]) / 2;
   for (std::uint64_t attempt = 0; attempt < most_attempts_per_particle; ++attempt) {
     const auto draw = [&](std::uint64_t k) {
-      return rng::uniform(seed, stream::placement,
-                          (static_cast<std::uint64_t>(m) << 24) + 4 * (round * most_attempts_per_particle + attempt) + k);
+      return rng::uniform(
+          seed, stream::placement,
+          (static_cast<std::uint64_t>(m) << 24) + 4 * (round * most_attempts_per_particle + attempt) + k);
     };
     Vec<D> place;
     for (int k = 0; k < D; ++k) place[k] = draw(static_cast<std::uint64_t>(k));
