@@ -1,12 +1,30 @@
 #include <pliant/jamming/block_cholesky.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/OrderingMethods>
+#include <Eigen/SparseCore>
 #include <algorithm>
 #include <cmath>
 #include <iterator>
 #include <numeric>
 
 namespace pliant {
+
+std::vector<Index> order_with_few_blocks(Index n, std::span<const std::array<Index, 2>> below) {
+  Eigen::SparseMatrix<Real> graph(n, n);
+  std::vector<Eigen::Triplet<Real>> entries;
+  for (Index i = 0; i < n; ++i) entries.emplace_back(i, i, 1);
+  for (const auto& [i, j] : below) {
+    entries.emplace_back(i, j, 1);
+    entries.emplace_back(j, i, 1);
+  }
+  graph.setFromTriplets(entries.begin(), entries.end());
+  Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> inverse;
+  Eigen::AMDOrdering<int>()(graph, inverse);
+  std::vector<Index> places(static_cast<std::size_t>(n));
+  for (Index k = 0; k < n; ++k) places[inverse.indices()[k]] = k;
+  return places;
+}
 
 /// Column j of L has the rows of column j of A, and the rows of earlier columns of L whose first row is j.
 template <int D>

@@ -1,6 +1,7 @@
 // Cholesky factors of a sparse matrix of small blocks, with one more row and column.
 #pragma once
 
+#include <array>
 #include <span>
 #include <vector>
 
@@ -8,9 +9,15 @@
 
 namespace pliant {
 
+/// Approximate minimum degree: the place of each of n blocks in an order in which the factors of a matrix have few
+/// blocks. below: the row and the column, or the column and the row, of each of its blocks beside the diagonal; a place
+/// may occur several times.
+std::vector<Index> order_with_few_blocks(Index n, std::span<const std::array<Index, 2>> below);
+
 /// L with L Lᵀ = A for a symmetric positive definite matrix A of n · n blocks of D · D numbers, most of which are zero,
 /// and of a last row and column of single numbers, which there may be. Blocks need fewer indices and instructions than
-/// numbers one by one. The fill depends on the order of the blocks, which is the caller's.
+/// numbers one by one. The fill depends on the order of the blocks, which is the caller's: see
+/// order_with_few_blocks.
 template <int D>
 class BlockCholesky {
  public:

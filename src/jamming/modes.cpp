@@ -2,7 +2,6 @@
 
 #include <slepceps.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
@@ -27,13 +26,38 @@ void start_slepc() {
   if (running == PETSC_FALSE) petsc_check(SlepcInitializeNoArguments());
 }
 
-void solve_dense(const Eigen::MatrixXd& matrix, Index number, Modes& modes) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(matrix);
-  if (solver.info() != Eigen::Success)
-    throw NumericalError("the eigenvalues of a matrix of {} rows were not found; check that its entries are finite",
-                         matrix.rows());
-  modes.eigenvalues = solver.eigenvalues().head(number);
-  modes.vectors = solver.eigenvectors().leftCols(number);
+/// The first eigenvalues of a solver and their vectors.
+void take_pairs(EPS eps, ::Mat matrix, Index number, Modes& modes) {
+  PetscInt found = 0, rows = 0;
+  petsc_check(EPSGetConverged(eps, &found));
+  petsc_check(MatGetSize(matrix, &rows, nullptr));
+  if (found < number)
+    throw NumericalError("SLEPc found {} of {} modes; ask for fewer, or minimise the energy further", found, number);
+  modes.eigenvalues.resize(number);
+  modes.vectors.resize(rows, number);
+  for (Index k = 0; k < number; ++k) {
+    PetscVec vector;
+    petsc_check(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, rows, modes.vectors.col(k).data(), vector.out()));
+    petsc_check(EPSGetEigenpair(eps, k, &modes.eigenvalues[k], nullptr, vector, nullptr));
+    // The sign is the solver's choice; a rule makes it the same everywhere.
+    auto mode = modes.vectors.col(k);
+    Eigen::Index largest = 0;
+    mode.cwiseAbs().maxCoeff(&largest);
+    if (mode[largest] < 0) mode = -mode;
+  }
+}
+
+/// By LAPACK, which finds all eigenvalues.
+void solve_dense(::Mat matrix, Index number, Modes& modes) {
+  start_slepc();
+  PetscEps eps;
+  petsc_check(EPSCreate(PETSC_COMM_SELF, eps.out()));
+  petsc_check(EPSSetOperators(eps, matrix, nullptr));
+  petsc_check(EPSSetProblemType(eps, EPS_HEP));
+  petsc_check(EPSSetType(eps, EPSLAPACK));
+  petsc_check(EPSSetWhichEigenpairs(eps, EPS_SMALLEST_REAL));
+  petsc_check(EPSSolve(eps));
+  take_pairs(eps, matrix, number, modes);
 }
 
 /// Prepares a solver of a symmetric matrix whose lowest eigenvalues it finds by the inverse of matrix − shift. Returns
@@ -88,19 +112,7 @@ void solve_lowest(::Mat matrix, Real bound, Index number, Modes& modes) {
     if (shift < -bound) throw NumericalError("no shift below all eigenvalues was found; are the forces finite?");
   }
   petsc_check(EPSSolve(eps));
-  PetscInt found = 0, rows = 0;
-  petsc_check(EPSGetConverged(eps, &found));
-  petsc_check(MatGetSize(matrix, &rows, nullptr));
-  if (found < number)
-    throw NumericalError("SLEPc found {} of {} modes; ask for fewer, or minimise the energy further", found, number);
-  // In the order of the distance from the shift, which is the order of the eigenvalues.
-  modes.eigenvalues.resize(number);
-  modes.vectors.resize(rows, number);
-  for (Index k = 0; k < number; ++k) {
-    PetscVec vector;
-    petsc_check(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, rows, modes.vectors.col(k).data(), vector.out()));
-    petsc_check(EPSGetEigenpair(eps, k, &modes.eigenvalues[k], nullptr, vector, nullptr));
-  }
+  take_pairs(eps, matrix, number, modes);  // in the order of the distance from the shift
 }
 
 template <int D>
@@ -150,7 +162,7 @@ Modes modes(ParticleSystem<D>& system, std::span<const Real> x, const ModesOptio
   const Real bound = h.bound();
   // A Krylov space holds less than all vectors.
   if (rows <= options.largest_dense || number > rows / 2)
-    solve_dense(h.matrix(), number, found);
+    solve_dense(h.petsc(), number, found);
   else
     solve_lowest(h.petsc(), bound, number, found);
 

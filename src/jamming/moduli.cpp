@@ -1,9 +1,10 @@
 #include <pliant/jamming/backbone.h>
+#include <pliant/jamming/block_cholesky.h>
 #include <pliant/jamming/minimise.h>
 #include <pliant/jamming/moduli.h>
 
-#include <Eigen/SparseCholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -11,31 +12,36 @@
 namespace pliant {
 namespace {
 
-using Columns = Eigen::SparseMatrix<Real>;
-
 /// Solves H u = b for a positive semidefinite H whose null space is orthogonal to b: by conjugate gradients, with the
 /// factors of H + shift as preconditioner. All eigenvalues far above the shift become 1, so that few steps suffice.
+template <int D>
 class SemidefiniteSolver {
  public:
   /// Errors: NumericalError if H has an eigenvalue below −shift.
-  template <class Matrix>
-  SemidefiniteSolver(const Matrix& h, Real shift) : h_(h) {
-    Columns shifted = h_;
-    for (Eigen::Index k = 0; k < shifted.cols(); ++k) shifted.coeffRef(k, k) += shift;
-    factors_.compute(shifted);
-    // Sylvester: as many negative pivots as eigenvalues.
-    const auto negative = factors_.info() == Eigen::Success ? (factors_.vectorD().array() < 0).count() : 1;
-    if (negative > 0)
+  SemidefiniteSolver(const Stiffness<D>& h, Real shift) : h_(h.matrix()) {
+    const Index n = h.size() / D;
+    std::vector<std::array<Index, 2>> places;
+    h.for_each_block([&](Index i, Index j, const Mat<D>&) {
+      if (j < i) places.push_back({i, j});
+    });
+    order_ = order_with_few_blocks(n, places);
+    std::vector<Mat<D>> diagonal(static_cast<std::size_t>(n));
+    std::vector<typename BlockCholesky<D>::Entry> below;
+    below.reserve(places.size());
+    h.for_each_block([&](Index i, Index j, const Mat<D>& block) {
+      const Index row = order_[i], column = order_[j];
+      if (row == column) diagonal[row] = block + shift * Mat<D>::Identity();
+      if (row > column) below.push_back({row, column, block});
+    });
+    if (!factors_.factorise(diagonal, below, {}, 0))
       throw NumericalError(
-          "the packing is unstable: {} or more eigenvalues of its Hessian are below {:.3g}; minimise its energy "
-          "further",
-          negative, -shift);
+          "the packing is unstable: eigenvalues of its Hessian are below {:.3g}; minimise its energy further", -shift);
   }
 
   /// Solves until |H u − b| ≤ tolerance; |H u − b| may be larger afterwards.
-  Eigen::VectorXd solve(const Eigen::VectorXd& b, Real tolerance) const {
+  Eigen::VectorXd solve(const Eigen::VectorXd& b, Real tolerance) {
     constexpr int most_steps = 200;
-    Eigen::VectorXd u = Eigen::VectorXd::Zero(b.size()), r = b, z = factors_.solve(r), p = z, hp;
+    Eigen::VectorXd u = Eigen::VectorXd::Zero(b.size()), r = b, z = precondition(r), p = z, hp;
     Real rz = r.dot(z);
     for (int step = 0; step < most_steps && r.norm() > tolerance; ++step) {
       hp = h_ * p;
@@ -43,7 +49,7 @@ class SemidefiniteSolver {
       if (!(curvature > 0)) break;
       u += rz / curvature * p;
       r -= rz / curvature * hp;
-      z = factors_.solve(r);
+      z = precondition(r);
       const Real next = r.dot(z);
       p = z + next / rz * p;
       rz = next;
@@ -51,11 +57,22 @@ class SemidefiniteSolver {
     return u;
   }
 
-  const Columns& matrix() const { return h_; }
-
  private:
-  Columns h_;
-  Eigen::SimplicialLDLT<Columns> factors_;
+  Eigen::VectorXd precondition(const Eigen::VectorXd& r) {
+    ordered_.resize(static_cast<std::size_t>(r.size()));
+    for (std::size_t i = 0; i < order_.size(); ++i)
+      point<D>(ordered_.data(), order_[i]) = point<D>(r.data(), static_cast<Index>(i));
+    factors_.solve(ordered_.data());
+    Eigen::VectorXd z(r.size());
+    for (std::size_t i = 0; i < order_.size(); ++i)
+      point<D>(z.data(), static_cast<Index>(i)) = point<D>(ordered_.data(), order_[i]);
+    return z;
+  }
+
+  Eigen::Map<const typename Stiffness<D>::Csr> h_;
+  std::vector<Index> order_;  ///< place of each block in the factors
+  BlockCholesky<D> factors_;
+  std::vector<Real> ordered_;
 };
 
 /// Indices of the components of a symmetric tensor in Voigt's order.
@@ -138,7 +155,7 @@ Moduli<D> moduli(ParticleSystem<D>& system, std::span<const Real> x, PreStress p
     m.max_force = std::max(m.max_force, point<D>(force.data(), i).template lpNorm<Eigen::Infinity>());
   m.stress = pre_stress == PreStress::kept ? stress_of<D>(system, x.data()).stress : Mat<D>(Mat<D>::Zero());
 
-  const SemidefiniteSolver solver(h.matrix(), relative_shift * bound);
+  SemidefiniteSolver<D> solver(h, relative_shift * bound);
   const StrainDerivatives<D>& strain = h.strain();
   Eigen::Matrix<Real, Eigen::Dynamic, D * D> u(h.size(), D * D);
   // Where symmetry makes all forces vanish, they are rounding errors of sums of large products.
@@ -146,7 +163,7 @@ Moduli<D> moduli(ParticleSystem<D>& system, std::span<const Real> x, PreStress p
                         std::sqrt(static_cast<Real>(h.size()));
   const Real scale = strain.mixed.colwise().norm().maxCoeff(), floor = std::max(relative_tolerance * scale, rounding);
   for (int k = 0; k < D * D; ++k) u.col(k) = -solver.solve(strain.mixed.col(k), floor);
-  const Eigen::Matrix<Real, Eigen::Dynamic, D* D> hu = solver.matrix() * u;
+  const Eigen::Matrix<Real, Eigen::Dynamic, D* D> hu = h.matrix() * u;
   const Real left = (hu + strain.mixed).colwise().norm().maxCoeff();
   // In a crystal these forces come from the rest of the forces in the minimum, amplified by soft modes.
   const Real noise = 100 * rounding;
@@ -158,8 +175,8 @@ Moduli<D> moduli(ParticleSystem<D>& system, std::span<const Real> x, PreStress p
         m.residual);
   m.affine = strain.affine / volume;
   // The error of this form is quadratic in the error of u.
-  const typename Moduli<D>::Square cross = strain.mixed.transpose() * u;
-  m.tangent = m.affine + (cross + cross.transpose() + u.transpose() * hu) / volume;
+  const typename Moduli<D>::Square cross = strain.mixed.transpose().lazyProduct(u);
+  m.tangent = m.affine + (cross + cross.transpose() + u.transpose().lazyProduct(hu)) / volume;
   return m;
 }
 

@@ -1,8 +1,7 @@
 #include <pliant/jamming/point_packing.h>
 
-#include <Eigen/OrderingMethods>
-#include <Eigen/SparseCore>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace pliant {
@@ -152,20 +151,9 @@ Real PointPacking<D>::operator()(const Real* y, Real* f) {
 /// By the pairs of the list, since touching pairs change too often.
 template <int D>
 void PointPacking<D>::find_order() {
-  const auto n = static_cast<int>(radius_.size());
-  Eigen::SparseMatrix<Real> graph(n, n);
-  std::vector<Eigen::Triplet<Real>> entries;
-  for (int i = 0; i < n; ++i) entries.emplace_back(i, i, 1);
-  for (const Pair& p : pairs_) {
-    entries.emplace_back(p.i, p.j, 1);
-    entries.emplace_back(p.j, p.i, 1);
-  }
-  graph.setFromTriplets(entries.begin(), entries.end());
-  Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> inverse;
-  Eigen::AMDOrdering<int>()(graph, inverse);
-  const auto& places = inverse.indices();
-  order_.resize(radius_.size());
-  for (int k = 0; k < n; ++k) order_[static_cast<std::size_t>(places[k])] = k;
+  std::vector<std::array<Index, 2>> below;
+  for (const Pair& p : pairs_) below.push_back({p.i, p.j});
+  order_ = order_with_few_blocks(static_cast<Index>(radius_.size()), below);
 }
 
 template <int D>

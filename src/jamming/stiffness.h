@@ -3,6 +3,7 @@
 
 #include <Eigen/SparseCore>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include <pliant/base/petsc.h>
@@ -40,6 +41,19 @@ class Stiffness {
   /// Both triangles.
   Eigen::Map<const Csr> matrix() const {
     return {size(), size(), start_.back(), start_.data(), column_.data(), values_.data()};
+  }
+  /// visit(i, j, block) for the blocks of rows D i … and columns D j … D j + D − 1.
+  template <class Visit>
+  void for_each_block(Visit&& visit) const {
+    Mat<D> block;
+    for (Index row = 0; row < size(); row += D) {
+      const PetscInt first = start_[row], width = start_[row + 1] - first;
+      for (PetscInt k = 0; k < width; k += D) {
+        for (int a = 0; a < D; ++a)
+          for (int b = 0; b < D; ++b) block(a, b) = values_[first + a * width + k + b];
+        visit(row / D, column_[first + k] / D, std::as_const(block));
+      }
+    }
   }
   /// The same entries, which the stiffness owns, as a sequential AIJ matrix of PETSc. They may change in place.
   PetscMat petsc();
