@@ -175,7 +175,7 @@ void register_forces(const std::string& name, const std::shared_ptr<Flow<D>>& fl
   if constexpr (D == 2) {
     if (flow->options().model.particles() == ModelKind::smooth)
       time_fused("contact+friction",
-                 Fused<EdgeKernel, EdgeContact<>, EdgeFriction>(p.term(EdgeContact<>{}), p.term(EdgeFriction{})));
+                 Fused<EdgeKernel, EdgeContact, EdgeFriction>(p.term(EdgeContact{}), p.term(EdgeFriction{})));
     if (flow->options().model.particles() != ModelKind::sp)
       time_fused("area+perimeter+bending",
                  Fused<ShapeKernel, Area, Perimeter, Bending>(p.term(Area{}), p.term(Perimeter{}), p.term(Bending{})));

@@ -44,7 +44,7 @@ struct Parameters : RunOptions {
 std::unique_ptr<Simulation<2>> make_simulation(const Parameters& p, const Ranks& ranks) {
   using Shape = Fused<ShapeKernel, Area, Perimeter, Bending>;
   using Pairs = Fused<PairKernel, PairContact<2>, PairFriction<2>>;
-  using Edge = Fused<EdgeKernel, EdgeContact<>, EdgeFriction>;
+  using Edge = Fused<EdgeKernel, EdgeContact, EdgeFriction>;
   using Outer = Fused<PointKernel, Gravity<2>, Drag<2>>;
   auto field = std::make_unique<Model<2, Shape, Pairs, Edge, WallContact<2>, Outer, Fused<InertiaKernel, Inertia>>>(
       Shape(Area{2e4}, Perimeter{10}, Bending{0.1}), Pairs({p.e_c, "contact"}, {0}),

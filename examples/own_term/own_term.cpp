@@ -19,16 +19,16 @@ using namespace pliant;
 /// outlines of smooth particles.
 struct TensePolygons {
   static std::unique_ptr<ForceField<2>> force_field(ParameterReader& p, const Surroundings<2>& s) {
-    using Outlines = Fused<EdgeKernel, EdgeContact<>, EdgeFriction>;
+    using Outlines = Fused<EdgeKernel, EdgeContact, EdgeFriction>;
     using Outer = Fused<PointKernel, Gravity<2>, Drag<2>>;
     const auto area = configured(p, Area{});
     const auto tension = configured(p, LineTension{});
-    const auto contact = configured(p, EdgeContact<>{});
+    const auto contact = configured(p, EdgeContact{});
     const auto friction = configured(p, EdgeFriction{});
     const auto wall = configured(p, WallContact<2>{});
-    const auto lip = configured(p, LipContact<>{});
+    const auto lip = configured(p, LipContact{});
     const auto drag = configured(p, Drag<2>{});
-    return std::make_unique<Model<2, Area, LineTension, Outlines, WallContact<2>, LipContact<>, Outer>>(
+    return std::make_unique<Model<2, Area, LineTension, Outlines, WallContact<2>, LipContact, Outer>>(
         area, tension, Outlines(contact, friction), wall, lip, Outer({s.gravity}, drag));
   }
 };

@@ -1,6 +1,7 @@
 #include <pliant/catalogue/catalogue.h>
 
 #include <array>
+#include <type_traits>
 
 #include <pliant/base/cure.h>
 #include <pliant/catalogue/surface_models.h>
@@ -50,43 +51,31 @@ auto outer(ParameterReader& p, const Surroundings<D>& s) {
 template <int D>
 Forces<D> soft(ParameterReader& p, const Surroundings<D>& s) {
   check_no_substrate(s, ModelKind::sp);
-  return with_contact_law<HarmonicOverlap, HertzOverlap, LinearOverlap>(p, [&]<class Law>(Law) {
-    const auto pair = configured(p, PairContact<D, Law>{0, "pair"}, contact_energy::soft);
-    const auto friction = configured(p, PairFriction<D>{});
-    const auto wall = configured(p, WallContact<D, Law>{});
-    return model<D>(fused<PairKernel>(pair, friction), fused<WallKernel>(wall), outer(p, s));
-  });
+  const ContactLaw law = read_contact_law(p, ContactLaw::harmonic, ContactLaw::hertz, ContactLaw::linear);
+  const auto pair = configured(p, PairContact<D>{0, "pair", law}, contact_energy::soft);
+  const auto friction = configured(p, PairFriction<D>{});
+  const auto wall = configured(p, WallContact<D>{.law = law});
+  return model<D>(fused<PairKernel>(pair, friction), fused<WallKernel>(wall), outer(p, s));
 }
 
 /// Of disks, or of spheres.
 template <int D>
 Forces<D> frictional(ParameterReader& p, const Surroundings<D>& s) {
   if (D == 3) check_no_substrate(s, ModelKind::disk);
-  return with_contact_law<HarmonicOverlap, HertzOverlap, SpringOverlap>(p, [&]<class Law>(Law) {
-    const auto pair = configured(p, PairContact<D, Law>{0, "pair"}, contact_energy::disk);
-    const auto friction = [&] {
-      if constexpr (D == 2)
-        return configured(p, DiskContact<Law>{});
-      else
-        return configured(p, SphereContact<Law>{});
-    }();
-    const auto wall_friction = [&] {
-      if constexpr (D == 2)
-        return configured(p, DiskWallContact<Law>{});
-      else
-        return configured(p, SphereWallContact<Law>{});
-    }();
-    const WallContact<D, Law> wall{wall_friction.epsilon};
-    const auto pairs = fused<DiskKernel>(pair, friction);
-    const auto walls = fused<DiskWallKernel>(wall, wall_friction);
-    if constexpr (D == 2) {
-      BaseFriction base{.all_alike = Law::kind == ContactLaw::spring};
-      if (s.substrate) base = configured(p, base, reference_stiffness(Law{pair.epsilon, 1}));
-      return model<2>(pairs, walls, base, outer(p, s));
-    } else {
-      return model<3>(pairs, walls, outer(p, s));
-    }
-  });
+  const ContactLaw law = read_contact_law(p, ContactLaw::harmonic, ContactLaw::hertz, ContactLaw::spring);
+  const auto pair = configured(p, PairContact<D>{0, "pair", law}, contact_energy::disk);
+  const auto friction = configured(p, std::conditional_t<D == 2, DiskContact, SphereContact>{.law = law});
+  const auto wall_friction = configured(p, std::conditional_t<D == 2, DiskWallContact, SphereWallContact>{.law = law});
+  const WallContact<D> wall{.epsilon = wall_friction.epsilon, .law = law};
+  const auto pairs = fused<DiskKernel>(pair, friction);
+  const auto walls = fused<DiskWallKernel>(wall, wall_friction);
+  if constexpr (D == 2) {
+    BaseFriction base{.all_alike = law == ContactLaw::spring};
+    if (s.substrate) base = configured(p, base, reference_stiffness(Overlap{law, pair.epsilon, 1}));
+    return model<2>(pairs, walls, base, outer(p, s));
+  } else {
+    return model<3>(pairs, walls, outer(p, s));
+  }
 }
 
 template <int D>
@@ -106,14 +95,14 @@ auto shape_energy(ParameterReader& p) {
 }
 
 Forces<2> rough(ParameterReader& p, const Surroundings<2>& s) {
-  read_contact_law<HarmonicOverlap>(p);
+  read_contact_law(p, ContactLaw::harmonic);
   const auto contact = configured(p, PairContact<2>{0, "contact"}, contact_energy::deformable);
   const auto friction = configured(p, PairFriction<2>{});
   const auto pairs = fused<PairKernel>(contact, friction);
-  const auto edges = fused<EdgeKernel>(configured(p, EdgeContact<>{0, Edges::bare}), EdgeFriction{0});
-  const auto self = configured(p, SelfContact<>{0, Edges::bare});
+  const auto edges = fused<EdgeKernel>(configured(p, EdgeContact{0, Edges::bare}), EdgeFriction{0});
+  const auto self = configured(p, SelfContact{0, Edges::bare});
   const auto wall = fused<WallKernel>(configured(p, WallContact<2>{}));
-  const auto lip = configured(p, LipContact<>{});
+  const auto lip = configured(p, LipContact{});
   if (!s.substrate && !s.rest_outlines) {
     const auto shape = shape_energy(p);
     return model<2>(shape, pairs, edges, self, wall, lip, outer(p, s));
@@ -128,15 +117,14 @@ Forces<2> rough(ParameterReader& p, const Surroundings<2>& s) {
 
 Forces<2> smooth(ParameterReader& p, const Surroundings<2>& s) {
   check_no_substrate(s, ModelKind::smooth);
-  return with_contact_law<HarmonicOverlap, HertzOverlap, BarrierOverlap>(p, [&]<class Law>(Law) {
-    const auto contact = configured(p, EdgeContact<Law>{0, Edges::wide});
-    const auto edges = fused<EdgeKernel>(contact, configured(p, EdgeFriction{}));
-    const auto self = configured(p, SelfContact<Law>{0, Edges::wide});
-    const auto wall = fused<WallKernel>(configured(p, WallContact<2, Law>{}));
-    const auto lip = configured(p, LipContact<Law>{});
-    const auto shape = shape_energy(p);
-    return model<2>(shape, edges, self, wall, lip, outer(p, s));
-  });
+  const ContactLaw law = read_contact_law(p, ContactLaw::harmonic, ContactLaw::hertz, ContactLaw::barrier);
+  const auto contact = configured(p, EdgeContact{.law = law});
+  const auto edges = fused<EdgeKernel>(contact, configured(p, EdgeFriction{}));
+  const auto self = configured(p, SelfContact{.law = law});
+  const auto wall = fused<WallKernel>(configured(p, WallContact<2>{.law = law}));
+  const auto lip = configured(p, LipContact{{}, law});
+  const auto shape = shape_energy(p);
+  return model<2>(shape, edges, self, wall, lip, outer(p, s));
 }
 
 Forces<2> shape_alone(ParameterReader& p, const Surroundings<2>& s) {

@@ -38,7 +38,7 @@ std::unique_ptr<ForceField<3>> surfaces_without_contacts(ParameterReader& p, con
 }
 
 std::unique_ptr<ForceField<3>> rough_surfaces(ParameterReader& p, const Surroundings<3>& s) {
-  read_contact_law<HarmonicOverlap>(p);
+  read_contact_law(p, ContactLaw::harmonic);
   const auto contact = configured(p, PairContact<3>{0, "rough"}, contact_energy::deformable);
   const Fused<PairKernel, PairContact<3>, PairFriction<3>> pairs(contact, configured(p, PairFriction<3>{}));
   const VertexFaces faces(configured(p, VertexFaceContact{0, Edges::bare}), SimplexFriction<Elements::vertex_faces>{0});
@@ -49,7 +49,7 @@ std::unique_ptr<ForceField<3>> rough_surfaces(ParameterReader& p, const Surround
 }
 
 std::unique_ptr<ForceField<3>> smooth_surfaces(ParameterReader& p, const Surroundings<3>& s) {
-  read_contact_law<HarmonicOverlap>(p);
+  read_contact_law(p, ContactLaw::harmonic);
   const auto vertices = configured(p, VertexFaceContact{});
   const auto edges = configured(p, EdgePairContact{});
   const VertexFaces faces(vertices, configured(p, SimplexFriction<Elements::vertex_faces>{}));

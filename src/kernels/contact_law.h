@@ -164,12 +164,30 @@ struct LinearOverlap {
   }
 };
 
-/// visit(law) for one of the first three types above, by its kind; its members have no values.
-template <class Visit>
-decltype(auto) with_law(ContactLaw law, Visit&& visit) {
-  if (law == ContactLaw::barrier) return visit(BarrierOverlap{});
-  if (law == ContactLaw::hertz) return visit(HertzOverlap{});
-  return visit(HarmonicOverlap{});
+/// visit(law) for the type of these that has the kind, the last one if no other has it; its members have no values.
+template <class First, class... Others, class Visit>
+decltype(auto) with_law(ContactLaw kind, Visit&& visit) {
+  if constexpr (sizeof...(Others) > 0)
+    if (kind != First::kind) return with_law<Others...>(kind, visit);
+  return visit(First{});
 }
+/// The same for all types above.
+template <class Visit>
+decltype(auto) with_law(ContactLaw kind, Visit&& visit) {
+  return with_law<HarmonicOverlap, HertzOverlap, BarrierOverlap, SpringOverlap, LinearOverlap>(kind, visit);
+}
+
+/// One of the laws above, known at run time: for all but the loops that count for speed.
+struct Overlap {
+  ContactLaw kind;
+  Real epsilon, delta;
+
+  bool touches(Real d) const { return d < delta; }
+  Real value(Real d) const;
+  Real slope(Real d) const;
+  Real curvature(Real d) const;
+  static Real stiffness(ContactLaw kind);
+  static Real scale(ContactLaw kind, Real delta);
+};
 
 }  // namespace pliant

@@ -34,23 +34,13 @@ constexpr ContactLaw contact_law(std::string_view name) {
   throw std::invalid_argument("no contact law has this name");
 }
 
-/// The choice among the kinds of these laws, the first being the default.
+/// The choice among these laws, the first being the default.
 template <class... Laws>
-ContactLaw read_contact_law(ParameterReader& p) {
+ContactLaw read_contact_law(ParameterReader& p, Laws... laws) {
   return p.choice({.name = "contact_law",
                    .help = "law of contact forces; linear: the same force scale for all sizes",
                    .role = Role::contact_law},
-                  std::array{std::pair{to_string(Laws::kind), Laws::kind}...});
-}
-
-/// visit(law) with the chosen one of these laws; its members have no values.
-template <class... Laws, class Visit>
-auto with_contact_law(ParameterReader& p, Visit&& visit) {
-  const ContactLaw chosen = read_contact_law<Laws...>(p);
-  using Result = decltype(visit(HarmonicOverlap{}));
-  Result result{};
-  ((Laws::kind == chosen ? (void)(result = visit(Laws{})) : (void)0), ...);
-  return result;
+                  std::array{std::pair{to_string(laws), laws}...});
 }
 
 }  // namespace pliant

@@ -14,7 +14,7 @@ using simd::Real4;
 
 namespace {
 
-using CurrentDisks = ContactTable::CurrentRows<DiskContact<>::history>;
+using CurrentDisks = ContactTable::CurrentRows<DiskContact::history>;
 
 PLIANT_INLINE SurfaceTouch<2, Real4>::Rub rub(const DiskTouch<Real4>& c, const SurfaceFriction& surface,
                                               const StateView<2>& s, const FourPairs& at) {
@@ -37,25 +37,25 @@ void set_constants(const StateView<2>& s, Range range, ContactWorkspace& workspa
   for (Index e = range.first; e < range.last; ++e) {
     const auto [i, j] = list[e];
     for (const Real number :
-         {diameter[i] / 2, diameter[j] / 2, list.reach[e], DiskContact<>::root_mass(s.topology, i, j)})
+         {diameter[i] / 2, diameter[j] / 2, list.reach[e], DiskContact::root_mass(s.topology, i, j)})
       *to++ = number;
   }
 }
 
-template <class Law, bool OwnOnly>
-PLIANT_MULTIVERSION void add_contacts(Real epsilon, const SurfaceFriction& friction, const StateView<2>& s, Range range,
+template <ContactLaw law, bool OwnOnly>
+PLIANT_MULTIVERSION void add_contacts(const DiskContact& term, const StateView<2>& s, Range range,
                                       const ContactTable& table, ContactWorkspace& workspace,
                                       const Scatter<2, 1, OwnOnly>& scatter, bool total) {
-  const SurfaceFriction surface = friction;  // local copy, which stores cannot change
+  const SurfaceFriction surface = term.surface;  // local copy, which stores cannot change
+  const Real epsilon = term.epsilon;
   const CurrentDisks past(table);
-  const ContactWorkspace::Next<DiskContact<>::history> next(table, workspace);
+  const ContactWorkspace::Next<DiskContact::history> next(table, workspace);
   const Scatter<2, 1, OwnOnly> force = scatter;
   const Pair* const pairs = s.neighbours.point_pairs.pairs.data();
   const Real* const x = s.x;
 
   const Real* const all = workspace.constants(0);
-  const auto constants = [&](Index e)
-                             PLIANT_INLINE_LAMBDA { return all + std::ptrdiff_t(e) * DiskContact<>::constants; };
+  const auto constants = [&](Index e) PLIANT_INLINE_LAMBDA { return all + std::ptrdiff_t(e) * DiskContact::constants; };
   if (range.size() > 0 && *constants(range.first) == 0) set_constants(s, range, workspace);
 
   Index* const elements = workspace.indices(range);
@@ -70,10 +70,10 @@ PLIANT_MULTIVERSION void add_contacts(Real epsilon, const SurfaceFriction& frict
     Real4 a = load4(constants(e[0])), b = load4(constants(e[1])), both = load4(constants(e[2])),
           root_mass = load4(constants(e[3]));
     simd::transpose(a, b, both, root_mass);
-    c.find<Law>(epsilon, surface,
-                {r.x, r.y, r.x * r.x + r.y * r.y, both, a, b, root_mass, FourPairs::gather(s.angles, at.first),
-                 FourPairs::gather(s.angles, at.second)},
-                before);
+    c.find(law, epsilon, surface,
+           {r.x, r.y, r.x * r.x + r.y * r.y, both, a, b, root_mass, FourPairs::gather(s.angles, at.first),
+            FourPairs::gather(s.angles, at.second)},
+           before);
     const auto rubs = rub(c, surface, s, at);
     const auto [fx, fy] = c.force(total ? rubs.normal : rubs.normal - c.elastic, rubs.hold.pull);
     Real4 lanes02, lanes13;
@@ -107,21 +107,16 @@ PLIANT_MULTIVERSION void add_contacts(Real epsilon, const SurfaceFriction& frict
 
 }  // namespace
 
-template <class Law, bool OwnOnly>
-void add_disk_forces(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                     const ContactTable& table, ContactWorkspace& workspace, const Scatter<2, 1, OwnOnly>& force,
-                     bool total) {
-  add_contacts<Law>(epsilon, surface, s, range, table, workspace, force, total);
+template <bool OwnOnly>
+void DiskContact::add_forces(const StateView<2>& s, Range range, const ContactTable& table, ContactWorkspace& workspace,
+                             const Scatter<2, 1, OwnOnly>& force, bool total) const {
+  with_surface_law(law,
+                   [&]<class Law>(Law) { add_contacts<Law::kind>(*this, s, range, table, workspace, force, total); });
 }
-static_assert(RangeTerm<DiskContact<>, 2>);
-#define PLIANT_DISK_FORCES(Law, own)                                                                \
-  template void add_disk_forces<Law, own>(Real, const SurfaceFriction&, const StateView<2>&, Range, \
-                                          const ContactTable&, ContactWorkspace&, const Scatter<2, 1, own>&, bool);
-PLIANT_DISK_FORCES(HarmonicOverlap, false)
-PLIANT_DISK_FORCES(HarmonicOverlap, true)
-PLIANT_DISK_FORCES(HertzOverlap, false)
-PLIANT_DISK_FORCES(HertzOverlap, true)
-PLIANT_DISK_FORCES(SpringOverlap, false)
-PLIANT_DISK_FORCES(SpringOverlap, true)
+template void DiskContact::add_forces(const StateView<2>&, Range, const ContactTable&, ContactWorkspace&,
+                                      const Scatter<2, 1, false>&, bool) const;
+template void DiskContact::add_forces(const StateView<2>&, Range, const ContactTable&, ContactWorkspace&,
+                                      const Scatter<2, 1, true>&, bool) const;
+static_assert(RangeTerm<DiskContact, 2>);
 
 }  // namespace pliant

@@ -30,14 +30,14 @@ struct DiskTouch : SurfaceTouch<2, R> {
     R n0, n1, turned, spring;
     MaskOf<R> slid;
   };
-  template <class Law>
-  PLIANT_INLINE void find(Real epsilon, const SurfaceFriction& surface, const Pair& pair, const Past& past) {
+  PLIANT_INLINE void find(ContactLaw law, Real epsilon, const SurfaceFriction& surface, const Pair& pair,
+                          const Past& past) {
     const R d = square_root(pair.d2), per_d = 1 / d;
     a = pair.a, b = pair.b;
     n0 = per_d * pair.x, n1 = per_d * pair.y;
     turned = a * pair.angle_a + b * pair.angle_b;
     this->lever = pair.reach * per_d;
-    const Press<R> press = press_of<Law>(epsilon, pair.reach, d);
+    const Press<R> press = press_of(law, epsilon, pair.reach, d);
     this->elastic = press.force;
     this->gamma = 2 * surface.damping * square_root(press.stiffness) * pair.root_mass;
     this->k = surface.stiffness * press.reference;
@@ -64,12 +64,6 @@ struct DiskTouch : SurfaceTouch<2, R> {
   }
 };
 
-/// DiskContact::add_forces, four contacts at a time. total: with the elastic forces.
-template <class Law, bool OwnOnly>
-void add_disk_forces(Real epsilon, const SurfaceFriction& surface, const StateView<2>& s, Range range,
-                     const ContactTable& table, ContactWorkspace& workspace, const Scatter<2, 1, OwnOnly>& force,
-                     bool total);
-
 /// Friction and damping between two disks, besides the elastic force N_e = −V' of PairContact, in the plane. i is the
 /// disk with the lower id, n the unit vector from j to i, t = n turned by 90°, d the distance of the centres.
 ///
@@ -82,10 +76,10 @@ void add_disk_forces(Real epsilon, const SurfaceFriction& surface, const StateVi
 /// within a step has no spring until its end. Stored: the line of n, R_i θ_i + R_j θ_j and ξ at the end of the last
 /// step, and whether the contact slid; n turns by less than a right angle in a step. Units: as the contact's. Elements:
 /// neighbour list of points.
-template <class Law = HarmonicOverlap>
 struct DiskContact {
-  Real epsilon;
-  SurfaceFriction surface;
+  Real epsilon = 0;
+  SurfaceFriction surface = {};
+  ContactLaw law = ContactLaw::harmonic;
 
   static constexpr Elements elements = Elements::point_pairs;
   static constexpr bool rotates = true;
@@ -94,7 +88,7 @@ struct DiskContact {
   static std::string_view name() { return "disk_contact"; }
   void read(ParameterReader& p) {
     epsilon = p.number(contact_energy::disk);
-    surface = read_surface<Law>(p, read_pair_friction(p));
+    surface = read_surface(p, law, read_pair_friction(p));
   }
   bool enabled(const StateView<2>&) const { return surface.rubs() || surface.damping > 0; }
 
@@ -112,11 +106,10 @@ struct DiskContact {
     if (d2 >= square(reach) || d2 == 0) return false;
     c.first = first, c.second = second;
     const bool known = !past.empty();
-    c.template find<Law>(
-        epsilon, surface,
-        {r[0], r[1], d2, reach, topology.diameter[first] / 2, topology.diameter[second] / 2,
-         root_mass(topology, first, second), s.angles[first], s.angles[second]},
-        known ? DiskTouch<Real>::Past{past[0], past[1], past[2], past[3], past[4] != 0} : DiskTouch<Real>::Past{});
+    c.find(law, epsilon, surface,
+           {r[0], r[1], d2, reach, topology.diameter[first] / 2, topology.diameter[second] / 2,
+            root_mass(topology, first, second), s.angles[first], s.angles[second]},
+           known ? DiskTouch<Real>::Past{past[0], past[1], past[2], past[3], past[4] != 0} : DiskTouch<Real>::Past{});
     return true;
   }
   static Real root_mass(const Topology& topology, Index i, Index j) {
@@ -135,20 +128,19 @@ struct DiskContact {
     const SurfaceTouch<2>::Rub rubs = rub(s, c);
     add(c, rubs, rubs.normal, force);
   }
+  /// total: with the elastic forces.
   template <bool OwnOnly>
   void add_forces(const StateView<2>& s, Range range, const ContactTable& table, ContactWorkspace& workspace,
-                  const Scatter<2, 1, OwnOnly>& force, bool total = false) const {
-    add_disk_forces<Law>(epsilon, surface, s, range, table, workspace, force, total);
-  }
+                  const Scatter<2, 1, OwnOnly>& force, bool total = false) const;
   /// The spring between two of the stiffest disks: ω² = k_t (2/m + 2R²/I) = 6 k_t/m.
-  Real max_rate(const Topology& topology) const { return spring_rate<Law>(surface, topology, epsilon, 1, 6); }
+  Real max_rate(const Topology& topology) const { return spring_rate(law, surface, topology, epsilon, 1, 6); }
   /// Six contacts: Σ n nᵀ = Σ t tᵀ = 3, and (u_i·t ± R θ_i)² weighs R² θ² = 2 I θ²/m: 2 · 6 · 2 for a rotation.
   MotionRates crowded(const Topology& topology) const {
-    return surface_rates<Law>(surface, topology, epsilon, 1, {6, 6, 24, 2});
+    return surface_rates(law, surface, topology, epsilon, 1, {6, 6, 24, 2});
   }
   /// Six contacts, half of them along any direction; each damps with 4 ζ √(V''/(2m)), m of one of two like disks.
   Real max_damping(const Topology& topology) const {
-    return dashpot_rate<Law>(surface, topology, epsilon, 1, 3 * 4, 2);
+    return dashpot_rate(law, surface, topology, epsilon, 1, 3 * 4, 2);
   }
 
  private:
@@ -171,9 +163,9 @@ struct DiskContact {
 struct DiskKernel {
   static constexpr bool fast() { return true; }
   static constexpr bool writes_history = true;
-  template <int D, class Law, class Friction>
+  template <int D, class Friction>
   [[gnu::flatten]] static void add_forces(const StateView<D>& s, HistoryWorkspace* workspace, Index chunk, Real* f,
-                                          const PairContact<D, Law>& contact, const Friction& friction) {
+                                          const PairContact<D>& contact, const Friction& friction) {
     const PairList& list = s.neighbours.point_pairs;
     Real* const torques = f + static_cast<std::size_t>(s.topology.owned_points()) * D;
     const Range inside = list.inside(chunk), across = list.across(chunk), own = s.neighbours.points(chunk);

@@ -13,13 +13,13 @@ using simd::Real4;
 
 namespace {
 
-template <class Law>
-PLIANT_MULTIVERSION void settle(FourAtWalls<2, DiskWallContact<Law>>& four, const DiskWallContact<Law>& term,
-                                const StateView<2>& s, const typename FourAtWalls<2, DiskWallContact<Law>>::Next& next,
+template <ContactLaw law>
+PLIANT_MULTIVERSION void settle(FourAtWalls<2, DiskWallContact>& four, const DiskWallContact& term,
+                                const StateView<2>& s, const FourAtWalls<2, DiskWallContact>::Next& next,
                                 const Scatter<2, 1>& force, bool total) {
-  static constexpr std::array<Real, DiskWallContact<Law>::history> nothing{};
+  static constexpr std::array<Real, DiskWallContact::history> nothing{};
   const Index count = four.count;
-  std::array<typename DiskWallContact<Law>::Touch*, 4> c;
+  std::array<DiskWallContact::Touch*, 4> c;
   std::array<const Real*, 4> past;
   for (Index k = 0; k < 4; ++k) {
     const Index l = std::min(k, count - 1);
@@ -32,8 +32,8 @@ PLIANT_MULTIVERSION void settle(FourAtWalls<2, DiskWallContact<Law>>& four, cons
     simd::transpose(a, b, d, e);
   };
 
-  typename DiskWallTouch<Real4>::Place place;
-  typename DiskWallTouch<Real4>::Past before;
+  DiskWallTouch<Real4>::Place place;
+  DiskWallTouch<Real4>::Past before;
   Real4 n0, n1, wall0, wall1, spin, mu_static, mu_dynamic, again, slid;
   read(&c[0]->d, &c[1]->d, &c[2]->d, &c[3]->d, place.d, place.curvature, place.radius, place.mass);
   read(c[0]->foot.data(), c[1]->foot.data(), c[2]->foot.data(), c[3]->foot.data(), place.foot0, place.foot1,
@@ -45,7 +45,7 @@ PLIANT_MULTIVERSION void settle(FourAtWalls<2, DiskWallContact<Law>>& four, cons
   before.slid = slid != 0;
 
   DiskWallTouch<Real4> all;
-  all.template settle<Law>(term.epsilon, term.surface, place, before);
+  all.settle(law, term.epsilon, term.surface, place, before);
   std::array<Index, 4> i;
   std::array<Real2, 4> v;
   for (int k = 0; k < 4; ++k) i[k] = c[k]->i, v[k] = simd::load2(s.v + 2 * std::ptrdiff_t(i[k]));
@@ -79,22 +79,11 @@ PLIANT_MULTIVERSION void settle(FourAtWalls<2, DiskWallContact<Law>>& four, cons
 
 }  // namespace
 
-template <class Law>
-void settle_four(FourAtWalls<2, DiskWallContact<Law>>& four, const DiskWallContact<Law>& term, const StateView<2>& s,
-                 const typename FourAtWalls<2, DiskWallContact<Law>>::Next& next, const Scatter<2, 1>& force,
-                 bool total) {
-  settle(four, term, s, next, force, total);
+void DiskWallContact::settle_four(FourAtWalls<2, DiskWallContact>& four, const StateView<2>& s,
+                                  const ContactWorkspace::Next<history, true>& next, const Scatter<2, 1>& force,
+                                  bool total) const {
+  with_surface_law(law, [&]<class Law>(Law) { settle<Law::kind>(four, *this, s, next, force, total); });
 }
-static_assert(RangeTerm<DiskWallContact<>, 2>);
-// A type cannot be in parentheses. NOLINTBEGIN(bugprone-macro-parentheses)
-#define PLIANT_SETTLE_FOUR(Law)                                                                                   \
-  template void settle_four<Law>(FourAtWalls<2, DiskWallContact<Law>>&, const DiskWallContact<Law>&,              \
-                                 const StateView<2>&, const typename FourAtWalls<2, DiskWallContact<Law>>::Next&, \
-                                 const Scatter<2, 1>&, bool);
-PLIANT_SETTLE_FOUR(HarmonicOverlap)
-PLIANT_SETTLE_FOUR(HertzOverlap)
-PLIANT_SETTLE_FOUR(SpringOverlap)
-#undef PLIANT_SETTLE_FOUR
-// NOLINTEND(bugprone-macro-parentheses)
+static_assert(RangeTerm<DiskWallContact, 2>);
 
 }  // namespace pliant

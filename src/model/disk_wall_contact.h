@@ -28,10 +28,10 @@ struct DiskWallTouch : SurfaceTouch<2, R> {
     MaskOf<R> slid;
   };
   /// `lever` is 1 + (R − d) κ.
-  template <class Law>
-  PLIANT_INLINE void settle(Real epsilon, const SurfaceFriction& surface, const Place& c, const Past& past) {
+  PLIANT_INLINE void settle(ContactLaw law, Real epsilon, const SurfaceFriction& surface, const Place& c,
+                            const Past& past) {
     this->lever = 1 + (c.radius - c.d) * c.curvature;
-    const Press<R> press = press_of<Law>(epsilon, c.radius, c.d);
+    const Press<R> press = press_of(law, epsilon, c.radius, c.d);
     this->elastic = press.force;
     this->stiffen(surface, R(c.mass * press.stiffness), press.reference);
     this->slid = past.slid;
@@ -57,15 +57,6 @@ struct DiskWallTouch : SurfaceTouch<2, R> {
   }
 };
 
-template <class Law>
-struct DiskWallContact;
-
-/// See add_wall_forces().
-template <class Law>
-void settle_four(FourAtWalls<2, DiskWallContact<Law>>& four, const DiskWallContact<Law>& term, const StateView<2>& s,
-                 const typename FourAtWalls<2, DiskWallContact<Law>>::Next& next, const Scatter<2, 1>& force,
-                 bool total);
-
 /// Friction and damping between a disk and a surface of the walls (Walls::surface_of_part), besides the force N_e = −V'
 /// of WallContact, in the plane; as DiskContact, with the velocity of the wall's material. n is the unit vector from
 /// the wall to the centre, t = n turned by 90°, d the distance, κ the curvature of the lines of constant distance
@@ -77,11 +68,11 @@ void settle_four(FourAtWalls<2, DiskWallContact<Law>>& four, const DiskWallConta
 /// torque P R. The contact continues around convex corners. At an inner corner there are two contacts. Contact history,
 /// relative to the wall: foot, n and θ at the end of the last step, ξ and whether the contact slid.
 /// Elements: neighbour list of points and parts of the walls.
-template <class Law = HarmonicOverlap>
 struct DiskWallContact {
-  Real epsilon;
-  SurfaceFriction surface;
+  Real epsilon = 0;
+  SurfaceFriction surface = {};
   OtherMaterials others = {};
+  ContactLaw law = ContactLaw::harmonic;
 
   static constexpr Elements elements = Elements::walls;
   static constexpr bool rotates = true;
@@ -91,7 +82,7 @@ struct DiskWallContact {
   void read(ParameterReader& p) {
     epsilon = read_wall_energy(p);
     const Coulomb mu = read_wall_friction(p);
-    surface = read_surface<Law>(p, mu);
+    surface = read_surface(p, law, mu);
     others = read_materials(p, mu);
   }
   bool enabled(const StateView<2>& s) const {
@@ -135,9 +126,9 @@ struct DiskWallContact {
   PLIANT_INLINE bool find(const StateView<2>& s, Index e, std::span<const Real> past, Touch& c) const {
     if (!place(s, e, c)) return false;
     using Past = DiskWallTouch<Real>::Past;
-    c.template settle<Law>(
-        epsilon, surface, {c.d, c.curvature, c.radius, c.mass, c.foot[0], c.foot[1], c.across[0], c.across[1], c.angle},
-        past.empty() ? Past{} : Past{past[0], past[1], past[2], past[3], past[4], past[5], past[6] != 0});
+    c.settle(law, epsilon, surface,
+             {c.d, c.curvature, c.radius, c.mass, c.foot[0], c.foot[1], c.across[0], c.across[1], c.angle},
+             past.empty() ? Past{} : Past{past[0], past[1], past[2], past[3], past[4], past[5], past[6] != 0});
     return true;
   }
   Real energy(const StateView<2>& s, const Touch& c) const { return c.energy(rub(s, c)); }
@@ -163,6 +154,9 @@ struct DiskWallContact {
                   const Scatter<2, 1>& force, bool total, Untouched&& untouched) const {
     add_wall_forces(*this, s, range, table, workspace, force, total, untouched);
   }
+  /// See add_wall_forces().
+  void settle_four(FourAtWalls<2, DiskWallContact>& four, const StateView<2>& s,
+                   const ContactWorkspace::Next<history, true>& next, const Scatter<2, 1>& force, bool total) const;
   /// Force of the wall on the disk, without the elastic force; the wall feels the opposite.
   Vec<2> force(const StateView<2>& s, const Touch& c) const {
     const SurfaceTouch<2>::Rub rubs = rub(s, c);
@@ -171,13 +165,13 @@ struct DiskWallContact {
 
   /// ω² = k_t (1/m + R²/I) = 3 k_t/m.
   Real max_rate(const Topology& topology) const {
-    return spring_rate<Law>(others.roughest(surface), topology, epsilon, 0.5, 3);
+    return spring_rate(law, others.roughest(surface), topology, epsilon, 0.5, 3);
   }
   /// Walls on both sides: across the normals, where the elastic force is not, the rotation is stiffer than the motion.
   MotionRates crowded(const Topology& topology) const {
-    return surface_rates<Law>(others.roughest(surface), topology, epsilon, 0.5, {2, 0, 4, 1});
+    return surface_rates(law, others.roughest(surface), topology, epsilon, 0.5, {2, 0, 4, 1});
   }
-  Real max_damping(const Topology& topology) const { return dashpot_rate<Law>(surface, topology, epsilon, 0.5, 2, 1); }
+  Real max_damping(const Topology& topology) const { return dashpot_rate(law, surface, topology, epsilon, 0.5, 2, 1); }
 
  private:
   PLIANT_INLINE SurfaceTouch<2>::Rub rub(const StateView<2>& s, const Touch& c) const {
@@ -201,9 +195,9 @@ struct DiskWallContact {
 struct DiskWallKernel {
   static constexpr bool fast() { return true; }
   static constexpr bool writes_history = true;
-  template <int D, class Law, class Friction>
+  template <int D, class Friction>
   static void add_forces(const StateView<D>& s, HistoryWorkspace* workspace, Index chunk, Real* f,
-                         const WallContact<D, Law>& contact, const Friction& friction) {
+                         const WallContact<D>& contact, const Friction& friction) {
     if (!friction.enabled(s)) return WallKernel::add_forces(s, chunk, f, contact);
     Real* const torques = f + static_cast<std::size_t>(s.topology.owned_points()) * D;
     Scatter<D, 1> force{f, {}, torques};
@@ -222,8 +216,8 @@ struct DiskWallKernel {
 
  private:
   /// Not compiled into all the places of add_steps that call it.
-  template <int D, class Law>
-  [[gnu::noinline]] static void press(const WallContact<D, Law>& contact, const StateView<D>& s, Index e,
+  template <int D>
+  [[gnu::noinline]] static void press(const WallContact<D>& contact, const StateView<D>& s, Index e,
                                       Scatter<D, -1>& gradient) {
     contact.add_gradient(s, e, gradient);
   }

@@ -30,12 +30,12 @@ enum class EdgeForce {
 ///
 /// EdgeForce::twofold: Σ_i [2 V(dist(j, closed edge i)) − 7/2 V(dist(j, vertex i))], which is 2V before an edge and V/2
 /// before a corner, on either side, and as smooth. Elements: neighbour list of vertices and edges.
-template <class Law = HarmonicOverlap>
 struct EdgeContact {
-  Real epsilon;
+  Real epsilon = 0;
   Edges edges = Edges::wide;
   bool on = true;
   EdgeForce force = EdgeForce::single;
+  ContactLaw law = ContactLaw::harmonic;
 
   static constexpr Elements elements = Elements::vertex_edges;
   std::string_view name() const { return edges == Edges::wide ? "contact" : "edge"; }
@@ -47,7 +47,7 @@ struct EdgeContact {
         named<EdgeForce>({{"single", EdgeForce::single}, {"twofold", EdgeForce::twofold}}));
   }
 
-  EdgeContactLaw kernel_law() const { return {epsilon, Law::kind, edge_weight(), vertex_weight()}; }
+  EdgeContactLaw kernel_law() const { return {epsilon, law, edge_weight(), vertex_weight()}; }
   bool enabled(const StateView<2>&) const { return on; }
   bool off() const { return !on; }
 
@@ -125,7 +125,7 @@ struct EdgeContact {
   Real max_rate(const Topology& topology) const {
     if (!on) return 0;
     const Real worst = edges == Edges::wide ? 4 : 1.5;
-    return std::sqrt(worst * Law::stiffness * epsilon / smallest_over_points(topology, [&](Index i) {
+    return std::sqrt(worst * Overlap::stiffness(law) * epsilon / smallest_over_points(topology, [&](Index i) {
                        const Real delta = topology.diameter[i];
                        return square(vertex_edge_reach(edges, delta, delta)) * topology.mass(i);
                      }));
@@ -138,16 +138,13 @@ struct EdgeContact {
  private:
   struct Element {
     Index vertex, start, end;
-    Law law;
+    Overlap overlap;
   };
   Element element(const StateView<2>& s, Index e) const {
     const auto [p, a] = s.neighbours.vertex_edges[e];
     const Real reach = vertex_edge_reach(edges, s.topology.diameter[p], s.topology.diameter[a]);
-    return {p, a, s.topology.next[a], {epsilon, reach}};
+    return {p, a, s.topology.next[a], {law, epsilon, reach}};
   }
 };
-
-template <class... More>
-EdgeContact(Real, More...) -> EdgeContact<>;
 
 }  // namespace pliant

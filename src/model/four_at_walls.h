@@ -22,11 +22,11 @@ struct FourAtWalls {
 };
 
 /// The forces of a range of elements: RangeTerm::add_forces. The term has place(s, e, touch), the first part of its
-/// find(), and settle_four(four, term, s, next, force, total) adds the forces of the contacts that were placed and
+/// find(), and settle_four(four, s, next, force, total) adds the forces of the contacts that were placed and
 /// writes their contact history. total: with the elastic forces. untouched(e): called for elements that do not touch,
 /// except some that are too far apart.
 /// A term may also have find_near(s, range, near), which writes the elements that may touch and returns their number;
-/// and settle_at_rest(term, s, elements, count, current, next, force, total, lost), which does the work of place()
+/// and settle_at_rest(s, elements, count, current, next, force, total, lost), which does the work of place()
 /// and settle_four() for up to four elements, or returns false.
 template <int D, class Term, class Untouched>
 PLIANT_INLINE void add_wall_forces(const Term& term, const StateView<D>& s, Range range, const ContactTable& table,
@@ -40,20 +40,20 @@ PLIANT_INLINE void add_wall_forces(const Term& term, const StateView<D>& s, Rang
     if (!term.place(s, e, four.touch[four.count])) return untouched(e);
     four.element[four.count] = e;
     four.current[four.count] = current(e);
-    if (++four.count == 4) settle_four(four, term, s, next, force, total);
+    if (++four.count == 4) term.settle_four(four, s, next, force, total);
   };
   if constexpr (requires { term.find_near(s, range, workspace.indices(range)); }) {
     Index* const elements = workspace.indices(range);
     const Index near = term.find_near(s, range, elements);
     for (Index k = 0; k < near; k += 4) {
       const Index count = std::min(near - k, Index(4));
-      if (!settle_at_rest(term, s, elements + k, count, current, next, force, total, four.lost))
+      if (!term.settle_at_rest(s, elements + k, count, current, next, force, total, four.lost))
         for (Index l = 0; l < count; ++l) take(elements[k + l]);
     }
   } else {
     for (Index e = range.first; e < range.last; ++e) take(e);
   }
-  if (four.count > 0) settle_four(four, term, s, next, force, total);
+  if (four.count > 0) term.settle_four(four, s, next, force, total);
   if (range.size() > 0) std::ranges::copy(four.lost, workspace.losses(range));
 }
 

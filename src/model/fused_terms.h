@@ -60,14 +60,13 @@ struct PointKernel {
 
 struct PairKernel {
   static bool fast() { return simd::fast(); }
-  template <int D, class Law>
-  static void add_forces(const StateView<D>& s, Index chunk, Real* f, const PairContact<D, Law>& contact,
+  template <int D>
+  static void add_forces(const StateView<D>& s, Index chunk, Real* f, const PairContact<D>& contact,
                          const PairFriction<D>& friction) {
-    static_assert(Law::kind != ContactLaw::barrier, "add_pair_forces has no barrier");
     add(s, chunk, f, {contact.kernel_law(), friction.kernel_law()});
   }
-  template <int D, class Law>
-  static void add_dissipation(const StateView<D>& s, Index chunk, Real* f, const PairContact<D, Law>&,
+  template <int D>
+  static void add_dissipation(const StateView<D>& s, Index chunk, Real* f, const PairContact<D>&,
                               const PairFriction<D>& friction) {
     if (friction.enabled(s)) add(s, chunk, f, {PairContactLaw{.epsilon = 0}, friction.kernel_law()});
   }
@@ -87,8 +86,8 @@ struct PairKernel {
 
 struct WallKernel {
   static bool fast() { return simd::fast(); }
-  template <int D, class Law>
-  static void add_forces(const StateView<D>& s, Index chunk, Real* f, const WallContact<D, Law>& contact) {
+  template <int D>
+  static void add_forces(const StateView<D>& s, Index chunk, Real* f, const WallContact<D>& contact) {
     const PairList& list = s.neighbours.walls;
     const Range own = list.inside(chunk);
     if (!s.walls.resting_segments() || contact.thickness > 0) {
@@ -113,13 +112,11 @@ struct ShapeKernel {
 
 struct EdgeKernel {
   static bool fast() { return simd::fast(); }
-  template <class Law>
-  static void add_forces(const StateView<2>& s, Index chunk, Real* f, const EdgeContact<Law>& contact,
+  static void add_forces(const StateView<2>& s, Index chunk, Real* f, const EdgeContact& contact,
                          const EdgeFriction& friction) {
     if (contact.enabled(s)) add(s, chunk, f, {contact.kernel_law(), friction.kernel_law()});
   }
-  template <class Law>
-  static void add_dissipation(const StateView<2>& s, Index chunk, Real* f, const EdgeContact<Law>& contact,
+  static void add_dissipation(const StateView<2>& s, Index chunk, Real* f, const EdgeContact& contact,
                               const EdgeFriction& friction) {
     if (contact.enabled(s) && friction.enabled(s))
       add(s, chunk, f, {EdgeContactLaw{.epsilon = 0}, friction.kernel_law()});

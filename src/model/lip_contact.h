@@ -53,8 +53,9 @@ struct LipSettings {
 ///   U_q = Σ_i [V(dist(q, closed edge i)) − V(|q − r_i|) − V(|q − r_{i+1}|)], V as for walls.
 /// Each vertex feels the lip already as a point near the wall's end, V(|q − r_i|); with that, the sum is V of the
 /// distance to the outline, counted once, and C¹. Lips move with their walls.
-template <class Law = HarmonicOverlap>
 struct LipContact : LipSettings {
+  ContactLaw law = ContactLaw::harmonic;
+
   Real energy(const StateView<2>& s, Index e) const {
     const auto [q, a, b, v] = element(s, e);
     const Vec<2> ra = s.position(a), rb = s.position(b);
@@ -93,17 +94,17 @@ struct LipContact : LipSettings {
     }
   }
 
-  Real max_rate(const Topology& topology) const { return rate_of(Law::stiffness, topology); }
+  Real max_rate(const Topology& topology) const { return rate_of(Overlap::stiffness(law), topology); }
 
  private:
   struct Element {
     Vec<2> lip;
     Index start, end;
-    Law law;
+    Overlap overlap;
   };
   Element element(const StateView<2>& s, Index e) const {
     const auto [lip, a] = s.neighbours.lips[e];
-    return {s.walls.lip(lip, s.t), a, s.topology.next[a], {epsilon, (s.topology.diameter[a] + thickness) / 2}};
+    return {s.walls.lip(lip, s.t), a, s.topology.next[a], {law, epsilon, (s.topology.diameter[a] + thickness) / 2}};
   }
   /// Forces on the two ends of the edge.
   std::array<Vec<2>, 2> forces(const StateView<2>& s, Index e) const {
@@ -117,12 +118,9 @@ struct LipContact : LipSettings {
             foot.t * push + gradient(v, rb - q, (rb - q).norm())};
   }
 
-  static Vec<2> gradient(const Law& v, const Vec<2>& r, Real d) {
+  static Vec<2> gradient(const Overlap& v, const Vec<2>& r, Real d) {
     return d > 0 ? Vec<2>(v.slope(d) * direction<2>(r, d)) : Vec<2>(Vec<2>::Zero());  // a law may be infinite there
   }
 };
-
-template <class... More>
-LipContact(Real, More...) -> LipContact<>;
 
 }  // namespace pliant

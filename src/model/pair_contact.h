@@ -49,29 +49,30 @@ inline void read_bare_contact(ParameterReader& p, Real& epsilon, bool& on) {
 /// U = Σ_pairs V(r), r the distance of the points and V of range δ_mn = (δ_m + δ_n)/2, the mean of the contact
 /// diameters, by one of the laws in contact_law.h; harmonic: ε/2 (1 − r/δ_mn)² Θ(1 − r/δ_mn), with the force
 /// ε/δ_mn (1 − r/δ_mn) r̂ on the first point. Elements: neighbour list of points.
-template <int D, class Law = HarmonicOverlap>
+template <int D>
 struct PairContact {
   Real epsilon;
   std::string_view label;  ///< "pair" for soft particles, "contact" for vertices
+  ContactLaw law = ContactLaw::harmonic;
 
   static constexpr Elements elements = Elements::point_pairs;
   std::string_view name() const { return label; }
   /// energy: one of contact_energy.
   void read(ParameterReader& p, const Parameter& energy) { epsilon = p.number(energy); }
 
-  PairContactLaw kernel_law() const { return {epsilon, Law::kind}; }
+  PairContactLaw kernel_law() const { return {epsilon, law}; }
   bool enabled(const StateView<D>&) const { return true; }
 
   Real energy(const StateView<D>& s, Index e) const {
     const auto [i, j] = s.neighbours.point_pairs[e];
-    return law(s, i, j).value((s.position(i) - s.position(j)).norm());
+    return overlap(s, i, j).value((s.position(i) - s.position(j)).norm());
   }
 
   template <class G>
   void add_gradient(const StateView<D>& s, Index e, G& grad) const {
     const auto [i, j] = s.neighbours.point_pairs[e];
     const Vec<D> r = s.position(i) - s.position(j);
-    const Law v = law(s, i, j);
+    const Overlap v = overlap(s, i, j);
     const Real d2 = r.squaredNorm();
     if (d2 >= square(v.delta) || d2 == 0) return;
     const Real d = std::sqrt(d2);
@@ -84,7 +85,7 @@ struct PairContact {
     const auto [i, j] = s.neighbours.point_pairs[e];
     const Vec<D> r = s.position(i) - s.position(j);
     const Real d = r.norm();
-    const Law v = law(s, i, j);
+    const Overlap v = overlap(s, i, j);
     if (!v.touches(d)) return;
     const Vec<D> n = direction<D>(r, d);
     const Mat<D> block =
@@ -99,7 +100,7 @@ struct PairContact {
     const auto [i, j] = s.neighbours.point_pairs[e];
     const Vec<D> r = s.position(i) - s.position(j);
     const Real d = r.norm();
-    const Law v = law(s, i, j);
+    const Overlap v = overlap(s, i, j);
     if (!v.touches(d)) return false;
     const Topology& topology = s.topology;
     c.first = topology.particle[i];
@@ -114,14 +115,14 @@ struct PairContact {
 
   /// Two of the stiffest points against each other: ω² = 2 V''/m, with the harmonic law 2 ε/(δ² m).
   Real max_rate(const Topology& topology) const {
-    return std::sqrt(2 * Law::stiffness * epsilon / smallest_over_points(topology, [&](Index i) {
-                       return Law::scale(topology.diameter[i]) * topology.mass(i);
+    return std::sqrt(2 * Overlap::stiffness(law) * epsilon / smallest_over_points(topology, [&](Index i) {
+                       return Overlap::scale(law, topology.diameter[i]) * topology.mass(i);
                      }));
   }
 
  private:
-  Law law(const StateView<D>& s, Index i, Index j) const {
-    return {epsilon, (s.topology.diameter[i] + s.topology.diameter[j]) / 2};
+  Overlap overlap(const StateView<D>& s, Index i, Index j) const {
+    return {law, epsilon, (s.topology.diameter[i] + s.topology.diameter[j]) / 2};
   }
 };
 

@@ -25,11 +25,11 @@ namespace pliant {
 /// gradient goes to the vertex and to both ends of the edge, so momentum is conserved. Elements: particles, so that
 /// there is no list; a star-shaped and wide outline costs one pass over its vertices, any other outline a walk round
 /// the outline for each vertex, which skips distant edges.
-template <class Law = HarmonicOverlap>
 struct SelfContact {
-  Real epsilon;
+  Real epsilon = 0;
   Edges edges = Edges::wide;
   bool on = true;
+  ContactLaw law = ContactLaw::harmonic;
 
   static constexpr Elements elements = Elements::particles;
   static std::string_view name() { return "self_contact"; }
@@ -44,7 +44,7 @@ struct SelfContact {
   bool enabled(const StateView<2>&) const { return on; }
 
   Real energy(const StateView<2>& s, Index m) const {
-    const Law v = law(s.topology, m);
+    const Overlap v = overlap(s.topology, m);
     Real sum = 0;
     for_each_near(s, m, [&](Index p, Index a, Index b, bool last) {
       const Vec<2> r = s.position(p);
@@ -56,7 +56,7 @@ struct SelfContact {
 
   template <class G>
   void add_gradient(const StateView<2>& s, Index m, G& grad) const {
-    const Law v = law(s.topology, m);
+    const Overlap v = overlap(s.topology, m);
     const auto subtract = [&](Index p, Index k) {
       const Vec<2> r = s.position(p) - s.position(k);
       const Real d = r.norm();
@@ -82,7 +82,7 @@ struct SelfContact {
   }
 
   void add_hessian(const StateView<2>& s, Index m, BlockSink<2>& h) const {
-    const Law v = law(s.topology, m);
+    const Overlap v = overlap(s.topology, m);
     const auto subtract = [&](Index p, Index k) {
       const Vec<2> r = s.position(p) - s.position(k);
       const Real d = r.norm();
@@ -111,16 +111,16 @@ struct SelfContact {
   /// Two vertices that meet head on, which both directions count: ω² = 4 V''/m.
   Real max_rate(const Topology& topology) const {
     if (!on) return 0;
-    return std::sqrt(4 * Law::stiffness * epsilon / smallest_over_points(topology, [&](Index i) {
+    return std::sqrt(4 * Overlap::stiffness(law) * epsilon / smallest_over_points(topology, [&](Index i) {
                        const Real delta = topology.diameter[i];
                        return square(vertex_edge_reach(edges, delta, delta)) * topology.mass(i);
                      }));
   }
 
  private:
-  Law law(const Topology& topology, Index m) const {
+  Overlap overlap(const Topology& topology, Index m) const {
     const Real delta = topology.diameter[topology.offset[m]];
-    return {epsilon, vertex_edge_reach(edges, delta, delta)};
+    return {law, epsilon, vertex_edge_reach(edges, delta, delta)};
   }
 
   /// visit(p, a, b, last) for the vertices p and edges from a to b of particle m that do not share a point, at least
@@ -128,7 +128,7 @@ struct SelfContact {
   template <class Visit>
   void for_each_near(const StateView<2>& s, Index m, Visit&& visit) const {
     const Topology& topology = s.topology;
-    const Real reach = law(topology, m).delta;
+    const Real reach = overlap(topology, m).delta;
     // No vertex is nearer to an edge than the sum of their displacements before they meet.
     if (topology.active[m] == 0 || star_gap(s.x, topology, m) > reach) return;
     const Index first = topology.offset[m], n = topology.points_of(m);
@@ -150,8 +150,5 @@ struct SelfContact {
       }
   }
 };
-
-template <class... More>
-SelfContact(Real, More...) -> SelfContact<>;
 
 }  // namespace pliant

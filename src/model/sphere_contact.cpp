@@ -19,7 +19,7 @@ namespace {
 /// to overlap their iterations.
 constexpr Index most_fours = 8;
 
-using CurrentSpheres = ContactTable::CurrentRows<SphereContact<>::history>;
+using CurrentSpheres = ContactTable::CurrentRows<SphereContact::history>;
 
 PLIANT_INLINE SphereTouch<Real4>::Past past_of(const CurrentSpheres& past, const Index* elements) {
   const std::array<const Real*, 4> rows{past(elements[0]), past(elements[1]), past(elements[2]), past(elements[3])};
@@ -32,32 +32,31 @@ PLIANT_INLINE SphereTouch<Real4>::Past past_of(const CurrentSpheres& past, const
 }
 
 /// The constants of the pairs of a range.
-template <class Law>
-void set_constants(const SphereContact<Law>& term, const StateView<3>& s, Range range, ContactWorkspace& workspace) {
+void set_constants(const SphereContact& term, const StateView<3>& s, Range range, ContactWorkspace& workspace) {
   const PairList& list = s.neighbours.point_pairs;
   for (Index e = range.first; e < range.last; ++e) {
     const auto c = term.constants_of(s.topology, list[e].first, list[e].second, list.reach[e]);
     std::ranges::copy(
-        std::array<Real, SphereContact<>::constants>{c.a, c.b, c.reach, c.per_reach, c.order, c.stiffness, c.root},
+        std::array<Real, SphereContact::constants>{c.a, c.b, c.reach, c.per_reach, c.order, c.stiffness, c.root},
         workspace.constants(e));
   }
 }
 
-template <class Law, bool OwnOnly>
-PLIANT_MULTIVERSION void add_contacts(const SphereContact<Law>& term, const StateView<3>& s, Range range,
+template <ContactLaw law, bool OwnOnly>
+PLIANT_MULTIVERSION void add_contacts(const SphereContact& term, const StateView<3>& s, Range range,
                                       const ContactTable& table, ContactWorkspace& workspace,
                                       const Scatter<3, 1, OwnOnly>& scatter, bool total) {
   const SurfaceFriction surface = term.surface;  // local copy, which stores cannot change
   const Real epsilon = term.epsilon;
   const CurrentSpheres past(table);
-  const ContactWorkspace::Next<SphereContact<>::history> next(table, workspace);
+  const ContactWorkspace::Next<SphereContact::history> next(table, workspace);
   const Scatter<3, 1, OwnOnly> force = scatter;
   const Pair* const pairs = s.neighbours.point_pairs.pairs.data();
   const Real *const x = s.x, *const v = s.v, *const turns = s.turns, *const spins = s.spins;
 
   const Real* const all = workspace.constants(0);
   const auto constants = [&](Index e)
-                             PLIANT_INLINE_LAMBDA { return all + std::ptrdiff_t(e) * SphereContact<>::constants; };
+                             PLIANT_INLINE_LAMBDA { return all + std::ptrdiff_t(e) * SphereContact::constants; };
   if (range.size() > 0 && *constants(range.first) == 0) set_constants(term, s, range, workspace);
 
   Index* const elements = workspace.indices(range);
@@ -79,10 +78,9 @@ PLIANT_MULTIVERSION void add_contacts(const SphereContact<Law>& term, const Stat
       Real4 unused;
       columns(rows, 0, fixed.a, fixed.b, fixed.reach, fixed.per_reach);
       columns(rows, 4, fixed.order, fixed.stiffness, fixed.root, unused);
-      touches[f].template find<Law>(
-          epsilon, surface, fixed,
-          {at.differences3(x), FourPairs::gather3(turns, at.first), FourPairs::gather3(turns, at.second)},
-          past_of(past, e));
+      touches[f].find(law, epsilon, surface, fixed,
+                      {at.differences3(x), FourPairs::gather3(turns, at.first), FourPairs::gather3(turns, at.second)},
+                      past_of(past, e));
     });
     for_each([&](Index f, const Index* e) PLIANT_INLINE_LAMBDA {
       const FourPairs at(pairs, e);
@@ -123,20 +121,16 @@ PLIANT_MULTIVERSION void add_contacts(const SphereContact<Law>& term, const Stat
 
 }  // namespace
 
-template <class Law, bool OwnOnly>
-void add_sphere_forces(const SphereContact<Law>& term, const StateView<3>& s, Range range, const ContactTable& table,
-                       ContactWorkspace& workspace, const Scatter<3, 1, OwnOnly>& force, bool total) {
-  add_contacts(term, s, range, table, workspace, force, total);
+template <bool OwnOnly>
+void SphereContact::add_forces(const StateView<3>& s, Range range, const ContactTable& table,
+                               ContactWorkspace& workspace, const Scatter<3, 1, OwnOnly>& force, bool total) const {
+  with_surface_law(law,
+                   [&]<class Law>(Law) { add_contacts<Law::kind>(*this, s, range, table, workspace, force, total); });
 }
-static_assert(RangeTerm<SphereContact<>, 3>);
-#define PLIANT_SPHERE_FORCES(Law, own)                                                             \
-  template void add_sphere_forces<Law, own>(const SphereContact<Law>&, const StateView<3>&, Range, \
-                                            const ContactTable&, ContactWorkspace&, const Scatter<3, 1, own>&, bool);
-PLIANT_SPHERE_FORCES(HarmonicOverlap, false)
-PLIANT_SPHERE_FORCES(HarmonicOverlap, true)
-PLIANT_SPHERE_FORCES(HertzOverlap, false)
-PLIANT_SPHERE_FORCES(HertzOverlap, true)
-PLIANT_SPHERE_FORCES(SpringOverlap, false)
-PLIANT_SPHERE_FORCES(SpringOverlap, true)
+template void SphereContact::add_forces(const StateView<3>&, Range, const ContactTable&, ContactWorkspace&,
+                                        const Scatter<3, 1, false>&, bool) const;
+template void SphereContact::add_forces(const StateView<3>&, Range, const ContactTable&, ContactWorkspace&,
+                                        const Scatter<3, 1, true>&, bool) const;
+static_assert(RangeTerm<SphereContact, 3>);
 
 }  // namespace pliant

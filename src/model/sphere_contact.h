@@ -35,19 +35,18 @@ struct SphereTouch : SurfaceTouch<3, R> {
     Vector n, spring;
     MaskOf<R> slid;
   };
-  template <class Law>
-  PLIANT_INLINE void find(Real epsilon, const SurfaceFriction& surface, const Constants& c, const Pair& pair,
-                          const Past& past) {
+  PLIANT_INLINE void find(ContactLaw law, Real epsilon, const SurfaceFriction& surface, const Constants& c,
+                          const Pair& pair, const Past& past) {
     const R d2 = dot(pair.r, pair.r), d = square_root(d2), per_d = d * (1 / d2);  // root and quotient overlap
     a = c.a, b = c.b, order = c.order;
     n = per_d * pair.r;
     this->lever = c.reach * per_d, this->per_lever = c.per_reach * d;
-    if constexpr (constant_stiffness<Law>) {
+    if (constant_stiffness(law)) {
       this->elastic = c.stiffness * (c.reach - d);
       this->gamma = 2 * surface.damping * c.root;
       this->k = surface.stiffness * c.stiffness;
     } else {
-      const Press<R> press = press_of<Law>(epsilon, c.reach, d);
+      const Press<R> press = press_of(law, epsilon, c.reach, d);
       this->elastic = press.force;
       this->gamma = 2 * surface.damping * square_root(press.stiffness) * c.root;
       this->k = surface.stiffness * press.reference;
@@ -74,13 +73,6 @@ struct SphereTouch : SurfaceTouch<3, R> {
   PLIANT_INLINE Vector torque(const Vector& pull) const { return cross(n, pull); }
 };
 
-/// SphereContact::add_forces, four contacts at a time. total: with the elastic forces.
-template <class Law>
-struct SphereContact;
-template <class Law, bool OwnOnly>
-void add_sphere_forces(const SphereContact<Law>& term, const StateView<3>& s, Range range, const ContactTable& table,
-                       ContactWorkspace& workspace, const Scatter<3, 1, OwnOnly>& force, bool total);
-
 /// Friction and damping between two spheres, besides the elastic force N_e = −V' of PairContact, in space. n is the
 /// unit vector from j to i, d the distance of the centres, u the relative velocity of the centres across n.
 ///
@@ -92,10 +84,10 @@ void add_sphere_forces(const SphereContact<Law>& term, const StateView<3>& s, Ra
 /// resistance to rolling. The energy of the spring is k_t/2 ξ².
 /// Contact history: n and ξ at the end of the last step, and whether the contact slid. Units: as the contact's.
 /// Elements: neighbour list of points.
-template <class Law = HarmonicOverlap>
 struct SphereContact {
-  Real epsilon;
-  SurfaceFriction surface;
+  Real epsilon = 0;
+  SurfaceFriction surface = {};
+  ContactLaw law = ContactLaw::harmonic;
 
   static constexpr Elements elements = Elements::point_pairs;
   static constexpr bool rotates = true;
@@ -104,7 +96,7 @@ struct SphereContact {
   static std::string_view name() { return "sphere_contact"; }
   void read(ParameterReader& p) {
     epsilon = p.number(contact_energy::disk);
-    surface = read_surface<Law>(p, read_pair_friction(p));
+    surface = read_surface(p, law, read_pair_friction(p));
   }
   bool enabled(const StateView<3>&) const { return surface.rubs() || surface.damping > 0; }
 
@@ -122,23 +114,22 @@ struct SphereContact {
     if (d2 >= square(reach) || d2 == 0) return false;
     c.first = first, c.second = second;
     const Real* const p = past.data();
-    c.template find<Law>(
-        epsilon, surface, constants_of(topology, first, second, reach),
-        past.empty() ? SphereTouch<Real>::Pair{r, {}, {}}
-                     : SphereTouch<Real>::Pair{r, vector3(s.turns, first), vector3(s.turns, second)},
-        past.empty() ? SphereTouch<Real>::Past{} : SphereTouch<Real>::Past{vector3(p, 0), vector3(p, 1), p[6] != 0});
+    c.find(law, epsilon, surface, constants_of(topology, first, second, reach),
+           past.empty() ? SphereTouch<Real>::Pair{r, {}, {}}
+                        : SphereTouch<Real>::Pair{r, vector3(s.turns, first), vector3(s.turns, second)},
+           past.empty() ? SphereTouch<Real>::Past{} : SphereTouch<Real>::Past{vector3(p, 0), vector3(p, 1), p[6] != 0});
     return true;
   }
   SphereTouch<Real>::Constants constants_of(const Topology& topology, Index i, Index j, Real reach) const {
     const Real mass = 1 / (topology.inverse_point_mass[i] + topology.inverse_point_mass[j]),
-               stiffness = constant_stiffness<Law> ? press_of<Law, Real>(epsilon, reach, reach).stiffness : 0;
+               stiffness = constant_stiffness(law) ? press_of(law, epsilon, reach, reach).stiffness : 0;
     return {topology.diameter[i] / 2,
             topology.diameter[j] / 2,
             reach,
             1 / reach,
             topology.id[i] > topology.id[j] ? -1.0 : 1.0,
             stiffness,
-            std::sqrt(constant_stiffness<Law> ? mass * stiffness : mass)};
+            std::sqrt(constant_stiffness(law) ? mass * stiffness : mass)};
   }
   Real energy(const StateView<3>& s, const Touch& c) const { return c.energy(rub(s, c)); }
   Real power(const StateView<3>& s, const Touch& c) const { return c.power(rub(s, c)); }
@@ -153,20 +144,19 @@ struct SphereContact {
     const SurfaceTouch<3>::Rub rubs = rub(s, c);
     add(c, rubs, rubs.normal, force);
   }
+  /// total: with the elastic forces.
   template <bool OwnOnly>
   void add_forces(const StateView<3>& s, Range range, const ContactTable& table, ContactWorkspace& workspace,
-                  const Scatter<3, 1, OwnOnly>& force, bool total = false) const {
-    add_sphere_forces(*this, s, range, table, workspace, force, total);
-  }
+                  const Scatter<3, 1, OwnOnly>& force, bool total = false) const;
   /// The spring between two of the stiffest spheres: ω² = k_t (2/m + 2R²/I) = 7 k_t/m.
-  Real max_rate(const Topology& topology) const { return spring_rate<Law>(surface, topology, epsilon, 1, 7); }
+  Real max_rate(const Topology& topology) const { return spring_rate(law, surface, topology, epsilon, 1, 7); }
   /// Twelve contacts: Σ n nᵀ = 4, Σ (1 − n nᵀ) = 8, and R² θ² = 5/2 I θ²/m: 2 · 8 · 5/2 for a rotation.
   MotionRates crowded(const Topology& topology) const {
-    return surface_rates<Law>(surface, topology, epsilon, 1, {8, 16, 40, 2});
+    return surface_rates(law, surface, topology, epsilon, 1, {8, 16, 40, 2});
   }
   /// Twelve contacts, a third of them along any direction; as DiskContact.
   Real max_damping(const Topology& topology) const {
-    return dashpot_rate<Law>(surface, topology, epsilon, 1, 4 * 4, 2);
+    return dashpot_rate(law, surface, topology, epsilon, 1, 4 * 4, 2);
   }
 
  private:

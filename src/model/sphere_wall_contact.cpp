@@ -76,7 +76,7 @@ struct FourPlaces {
   }
 };
 
-PLIANT_MULTIVERSION Index find_near(const StateView<3>& s, Range range, Index* near) {
+PLIANT_MULTIVERSION Index find_near_at_rest(const StateView<3>& s, Range range, Index* near) {
   Index count = 0;
   for (Index e = range.first; e < range.last; e += 4) {
     std::array<Index, 4> elements;
@@ -94,18 +94,17 @@ PLIANT_MULTIVERSION Index find_near(const StateView<3>& s, Range range, Index* n
   return count;
 }
 
-template <class Law>
-PLIANT_MULTIVERSION bool settle_resting(const SphereWallContact<Law>& term, const StateView<3>& s, const Index* near,
-                                        Index count,
-                                        const typename FourAtWalls<3, SphereWallContact<Law>>::Current& current,
-                                        const typename FourAtWalls<3, SphereWallContact<Law>>::Next& next,
-                                        const Scatter<3, 1>& force, bool total, Losses& lost) {
-  static constexpr std::array<Real, SphereWallContact<Law>::history> nothing{};
+template <ContactLaw law>
+PLIANT_MULTIVERSION bool settle_resting(const SphereWallContact& term, const StateView<3>& s, const Index* near,
+                                        Index count, const FourAtWalls<3, SphereWallContact>::Current& current,
+                                        const FourAtWalls<3, SphereWallContact>::Next& next, const Scatter<3, 1>& force,
+                                        bool total, Losses& lost) {
+  static constexpr std::array<Real, SphereWallContact::history> nothing{};
   std::array<Index, 4> rest;
   const Index* const elements = four_from(near, count, 0, rest);
   const FourPlaces c(s, elements);
   const MeridianDistance<Real4> at(c.rho, c.r.z, c.wall);
-  typename SphereWallTouch<Real4>::Place place;
+  SphereWallTouch<Real4>::Place place;
   place.d = at.d - c.wall_radius;
   if (any_of(c.solid | (c.rho < axis_width) | (at.d <= 0) | (place.d >= c.radius))) return false;
   for (Index k = 0; k < count; ++k)
@@ -130,18 +129,18 @@ PLIANT_MULTIVERSION bool settle_resting(const SphereWallContact<Law>& term, cons
   place.stretch = {farther * curvature.x, farther * curvature.y, farther * curvature.z};
   place.stretch.x.x += 1, place.stretch.y.y += 1, place.stretch.z.z += 1;
 
-  typename SphereWallTouch<Real4>::Past before;
+  SphereWallTouch<Real4>::Past before;
   const Vector angle = FourPairs::gather3(s.angles, c.i);
   const Vector angle_before = take_past(past, before);
   SphereWallTouch<Real4> all;
-  all.template settle<Law>(term.epsilon, term.surface, place, before, angle - angle_before);
+  all.settle(law, term.epsilon, term.surface, place, before, angle - angle_before);
   const auto rubs = all.rub(term.surface.tangential_damping, mu_static, mu_dynamic, FourPairs::gather3(s.v, c.i),
                             FourPairs::gather3(s.spins, c.i));
   const FourVectors pushes(all.force(total ? rubs.normal : rubs.normal - all.elastic, rubs.hold.pull)),
       torques(all.torque(rubs.hold.pull));
   const Vector &foot = place.foot, &n = place.n, &spring = rubs.hold.spring;
   const Real4 slides = rubs.hold.slides ? simd::all(1) : Real4{};
-  std::array<Real, SphereWallContact<Law>::history> unused;
+  std::array<Real, SphereWallContact::history> unused;
   std::array<Real*, 4> numbers{unused.data(), unused.data(), unused.data(), unused.data()};
   for (Index k = 0; k < count; ++k) {
     pushes.add(k, force.out + 3 * c.i[k]);
@@ -156,13 +155,12 @@ PLIANT_MULTIVERSION bool settle_resting(const SphereWallContact<Law>& term, cons
   return true;
 }
 
-template <class Law>
-PLIANT_MULTIVERSION void settle(FourAtWalls<3, SphereWallContact<Law>>& four, const SphereWallContact<Law>& term,
-                                const StateView<3>& s,
-                                const typename FourAtWalls<3, SphereWallContact<Law>>::Next& next,
+template <ContactLaw law>
+PLIANT_MULTIVERSION void settle(FourAtWalls<3, SphereWallContact>& four, const SphereWallContact& term,
+                                const StateView<3>& s, const FourAtWalls<3, SphereWallContact>::Next& next,
                                 const Scatter<3, 1>& force, bool total) {
-  using Touch = typename SphereWallContact<Law>::Touch;
-  static constexpr std::array<Real, SphereWallContact<Law>::history> nothing{};
+  using Touch = SphereWallContact::Touch;
+  static constexpr std::array<Real, SphereWallContact::history> nothing{};
   const Index count = four.count;
   std::array<const Touch*, 4> c;
   FourRows past;
@@ -188,8 +186,8 @@ PLIANT_MULTIVERSION void settle(FourAtWalls<3, SphereWallContact<Law>>& four, co
     return Matrix3<Real4>{row[0], row[1], row[2]};
   };
 
-  typename SphereWallTouch<Real4>::Place place;
-  typename SphereWallTouch<Real4>::Past before;
+  SphereWallTouch<Real4>::Place place;
+  SphereWallTouch<Real4>::Past before;
   Real4 mu_static, mu_dynamic, unused;
   columns(rows(&Touch::size), 0, place.d, place.radius, place.mass, place.share);
   place.n = vector_of(rows(&Touch::across), mu_static);
@@ -207,7 +205,7 @@ PLIANT_MULTIVERSION void settle(FourAtWalls<3, SphereWallContact<Law>>& four, co
   }
 
   SphereWallTouch<Real4> all;
-  all.template settle<Law>(term.epsilon, term.surface, place, before, turn);
+  all.settle(law, term.epsilon, term.surface, place, before, turn);
   const auto rubs = all.rub(term.surface.tangential_damping, mu_static, mu_dynamic, velocity, spin);
   Vector push = all.force(total ? rubs.normal : rubs.normal - all.elastic, rubs.hold.pull),
          torque = all.torque(rubs.hold.pull);
@@ -233,37 +231,31 @@ PLIANT_MULTIVERSION void settle(FourAtWalls<3, SphereWallContact<Law>>& four, co
 
 }  // namespace
 
-Index find_near_at_rest(const StateView<3>& s, Range range, Index* near) { return find_near(s, range, near); }
-
-template <class Law>
-bool settle_at_rest(const SphereWallContact<Law>& term, const StateView<3>& s, const Index* elements, Index count,
-                    const typename FourAtWalls<3, SphereWallContact<Law>>::Current& current,
-                    const typename FourAtWalls<3, SphereWallContact<Law>>::Next& next, const Scatter<3, 1>& force,
-                    bool total, Losses& lost) {
-  return s.walls.rest() && !s.walls.parts().empty() &&
-         settle_resting(term, s, elements, count, current, next, force, total, lost);
+Index SphereWallContact::find_near(const StateView<3>& s, Range range, Index* near) const {
+  if (s.walls.rest() && !s.walls.parts().empty()) return find_near_at_rest(s, range, near);
+  Index count = 0;
+  for (Index e = range.first; e < range.last; ++e) {
+    const auto [i, part] = s.neighbours.walls[e];
+    near[count] = e;
+    count += s.walls.beyond(s.position(i), s.topology.diameter[i] / 2, part, s.t) ? 0 : 1;
+  }
+  return count;
 }
 
-template <class Law>
-void settle_four(FourAtWalls<3, SphereWallContact<Law>>& four, const SphereWallContact<Law>& term,
-                 const StateView<3>& s, const typename FourAtWalls<3, SphereWallContact<Law>>::Next& next,
-                 const Scatter<3, 1>& force, bool total) {
-  settle(four, term, s, next, force, total);
+void SphereWallContact::settle_four(FourAtWalls<3, SphereWallContact>& four, const StateView<3>& s,
+                                    const ContactWorkspace::Next<history, true>& next, const Scatter<3, 1>& force,
+                                    bool total) const {
+  with_surface_law(law, [&]<class Law>(Law) { settle<Law::kind>(four, *this, s, next, force, total); });
 }
-static_assert(RangeTerm<SphereWallContact<>, 3>);
-// A type cannot be in parentheses. NOLINTBEGIN(bugprone-macro-parentheses)
-#define PLIANT_SETTLE_FOUR(Law)                                                                                     \
-  template void settle_four<Law>(FourAtWalls<3, SphereWallContact<Law>>&, const SphereWallContact<Law>&,            \
-                                 const StateView<3>&, const typename FourAtWalls<3, SphereWallContact<Law>>::Next&, \
-                                 const Scatter<3, 1>&, bool);                                                       \
-  template bool settle_at_rest<Law>(const SphereWallContact<Law>&, const StateView<3>&, const Index*, Index,        \
-                                    const typename FourAtWalls<3, SphereWallContact<Law>>::Current&,                \
-                                    const typename FourAtWalls<3, SphereWallContact<Law>>::Next&,                   \
-                                    const Scatter<3, 1>&, bool, Losses&);
-PLIANT_SETTLE_FOUR(HarmonicOverlap)
-PLIANT_SETTLE_FOUR(HertzOverlap)
-PLIANT_SETTLE_FOUR(SpringOverlap)
-#undef PLIANT_SETTLE_FOUR
-// NOLINTEND(bugprone-macro-parentheses)
+
+bool SphereWallContact::settle_at_rest(const StateView<3>& s, const Index* near, Index count,
+                                       const ContactTable::Current<history>& current,
+                                       const ContactWorkspace::Next<history, true>& next, const Scatter<3, 1>& force,
+                                       bool total, Losses& lost) const {
+  return s.walls.rest() && !s.walls.parts().empty() && with_surface_law(law, [&]<class Law>(Law) {
+           return settle_resting<Law::kind>(*this, s, near, count, current, next, force, total, lost);
+         });
+}
+static_assert(RangeTerm<SphereWallContact, 3>);
 
 }  // namespace pliant

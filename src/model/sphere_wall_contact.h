@@ -33,11 +33,10 @@ struct SphereWallTouch : SurfaceTouch<3, R> {
     MaskOf<R> slid;
   };
   /// turned: rotation of the sphere in the step, relative to the wall.
-  template <class Law>
-  PLIANT_INLINE void settle(Real epsilon, const SurfaceFriction& surface, const Place& c, const Past& past,
-                            const Vector& turned) {
+  PLIANT_INLINE void settle(ContactLaw law, Real epsilon, const SurfaceFriction& surface, const Place& c,
+                            const Past& past, const Vector& turned) {
     radius = c.radius, n = c.n, stretch = c.stretch;
-    const Press<R> press = press_of<Law>(epsilon, c.radius, c.d);
+    const Press<R> press = press_of(law, epsilon, c.radius, c.d);
     this->elastic = c.share * press.force;
     this->stiffen(surface, R(c.mass * press.stiffness), press.reference);
     this->slid = past.slid;
@@ -66,25 +65,6 @@ struct SphereWallTouch : SurfaceTouch<3, R> {
   PLIANT_INLINE Vector torque(const Vector& pull) const { return radius * cross(n, pull); }
 };
 
-template <class Law>
-struct SphereWallContact;
-
-/// See add_wall_forces().
-template <class Law>
-void settle_four(FourAtWalls<3, SphereWallContact<Law>>& four, const SphereWallContact<Law>& term,
-                 const StateView<3>& s, const typename FourAtWalls<3, SphereWallContact<Law>>::Next& next,
-                 const Scatter<3, 1>& force, bool total);
-
-/// Writes the elements of a range that may touch to `near`, and returns their number. All walls rest.
-Index find_near_at_rest(const StateView<3>& s, Range range, Index* near);
-/// See add_wall_forces(). Returns false if a wall moves, or if one of the elements does not touch, or touches a solid
-/// or near the axis of the walls.
-template <class Law>
-bool settle_at_rest(const SphereWallContact<Law>& term, const StateView<3>& s, const Index* elements, Index count,
-                    const typename FourAtWalls<3, SphereWallContact<Law>>::Current& current,
-                    const typename FourAtWalls<3, SphereWallContact<Law>>::Next& next, const Scatter<3, 1>& force,
-                    bool total, std::array<Real, SurfaceTouch<3>::losses.size()>& lost);
-
 /// Friction and damping between a sphere and a surface of the walls (Walls::surface_of_part), besides the force N_e =
 /// −V' of WallContact, in space; as SphereContact, with the velocity of the wall's material. n is the unit vector from
 /// the wall to the centre, d the distance, L = 1 + (R − d) κ with the curvature κ of the surfaces of constant distance.
@@ -95,11 +75,11 @@ bool settle_at_rest(const SphereWallContact<Law>& term, const StateView<3>& s, c
 /// taken at the end of a step, to first order. Contact history, relative to the wall: foot, n and the turn of the
 /// sphere at the end of the last step, ξ and whether the contact slid. Elements: neighbour list of points and parts of
 /// the walls.
-template <class Law = HarmonicOverlap>
 struct SphereWallContact {
-  Real epsilon;
-  SurfaceFriction surface;
+  Real epsilon = 0;
+  SurfaceFriction surface = {};
   OtherMaterials others = {};
+  ContactLaw law = ContactLaw::harmonic;
 
   static constexpr Elements elements = Elements::walls;
   static constexpr bool rotates = true;
@@ -109,7 +89,7 @@ struct SphereWallContact {
   void read(ParameterReader& p) {
     epsilon = read_wall_energy(p);
     const Coulomb mu = read_wall_friction(p);
-    surface = read_surface<Law>(p, mu);
+    surface = read_surface(p, law, mu);
     others = read_materials(p, mu);
   }
   bool enabled(const StateView<3>& s) const {
@@ -135,17 +115,6 @@ struct SphereWallContact {
     Matrix3<Real> rotation() const { return {vector3(turn[0]), vector3(turn[1]), vector3(turn[2])}; }
   };
 
-  /// See add_wall_forces().
-  Index find_near(const StateView<3>& s, Range range, Index* near) const {
-    if (s.walls.rest() && !s.walls.parts().empty()) return find_near_at_rest(s, range, near);
-    Index count = 0;
-    for (Index e = range.first; e < range.last; ++e) {
-      const auto [i, part] = s.neighbours.walls[e];
-      near[count] = e;
-      count += s.walls.beyond(s.position(i), s.topology.diameter[i] / 2, part, s.t) ? 0 : 1;
-    }
-    return count;
-  }
   /// The first part of find(): whether the sphere touches.
   PLIANT_INLINE bool place(const StateView<3>& s, Index e, Touch& c) const {
     const auto [i, part] = s.neighbours.walls[e];
@@ -185,16 +154,16 @@ struct SphereWallContact {
     if (!place(s, e, c)) return false;
     const Real* const p = past.data();
     using Past = typename SphereWallTouch<Real>::Past;
-    c.template settle<Law>(epsilon, surface,
-                           {c.size[0],
-                            c.size[1],
-                            c.size[2],
-                            c.size[3],
-                            vector3(c.across),
-                            vector3(c.foot),
-                            {vector3(c.rows[0]), vector3(c.rows[1]), vector3(c.rows[2])}},
-                           past.empty() ? Past{} : Past{vector3(p, 0), vector3(p, 1), vector3(p, 3), p[12] != 0},
-                           past.empty() ? Vector3<Real>{} : c.seen(vector3(c.angle) - vector3(p, 2)));
+    c.settle(law, epsilon, surface,
+             {c.size[0],
+              c.size[1],
+              c.size[2],
+              c.size[3],
+              vector3(c.across),
+              vector3(c.foot),
+              {vector3(c.rows[0]), vector3(c.rows[1]), vector3(c.rows[2])}},
+             past.empty() ? Past{} : Past{vector3(p, 0), vector3(p, 1), vector3(p, 3), p[12] != 0},
+             past.empty() ? Vector3<Real>{} : c.seen(vector3(c.angle) - vector3(p, 2)));
     return true;
   }
   Real energy(const StateView<3>& s, const Touch& c) const { return c.energy(rub(s, c)); }
@@ -220,6 +189,15 @@ struct SphereWallContact {
                   const Scatter<3, 1>& force, bool total, Untouched&& untouched) const {
     add_wall_forces(*this, s, range, table, workspace, force, total, untouched);
   }
+  // See add_wall_forces().
+  Index find_near(const StateView<3>& s, Range range, Index* near) const;
+  void settle_four(FourAtWalls<3, SphereWallContact>& four, const StateView<3>& s,
+                   const ContactWorkspace::Next<history, true>& next, const Scatter<3, 1>& force, bool total) const;
+  /// Returns false if a wall moves, or if one of the elements does not touch, or touches a solid or near the axis of
+  /// the walls.
+  bool settle_at_rest(const StateView<3>& s, const Index* near, Index count,
+                      const ContactTable::Current<history>& current, const ContactWorkspace::Next<history, true>& next,
+                      const Scatter<3, 1>& force, bool total, std::array<Real, losses.size()>& lost) const;
   /// Force of the wall on the sphere, without the elastic force; the wall feels the opposite.
   Vec<3> force(const StateView<3>& s, const Touch& c) const {
     const auto rubs = rub(s, c);
@@ -228,13 +206,13 @@ struct SphereWallContact {
 
   /// ω² = k_t (1/m + R²/I) = 7/2 k_t/m.
   Real max_rate(const Topology& topology) const {
-    return spring_rate<Law>(others.roughest(surface), topology, epsilon, 0.5, 3.5);
+    return spring_rate(law, others.roughest(surface), topology, epsilon, 0.5, 3.5);
   }
   /// Walls on both sides: across the normals, where the elastic force is not, the rotation is stiffer than the motion.
   MotionRates crowded(const Topology& topology) const {
-    return surface_rates<Law>(others.roughest(surface), topology, epsilon, 0.5, {2, 0, 5, 1});
+    return surface_rates(law, others.roughest(surface), topology, epsilon, 0.5, {2, 0, 5, 1});
   }
-  Real max_damping(const Topology& topology) const { return dashpot_rate<Law>(surface, topology, epsilon, 0.5, 2, 1); }
+  Real max_damping(const Topology& topology) const { return dashpot_rate(law, surface, topology, epsilon, 0.5, 2, 1); }
 
  private:
   /// The components, and 0.

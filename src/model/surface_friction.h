@@ -75,44 +75,11 @@ struct Coulomb {
 
 /// The coefficient of dynamic friction that belongs to the static coefficient `name`; default `usual`. Errors:
 /// InputError if it exceeds mu_static, or is 0 while mu_static is not.
-inline Coulomb read_dynamic_friction(ParameterReader& p, std::string_view name, Real mu_static, Real usual) {
-  const std::string own = fmt::format("{}_dynamic", name),
-                    help = fmt::format("dynamic friction coefficient that belongs to {}", name);
-  const Coulomb mu{
-      mu_static,
-      p.automatic(
-          {.name = own, .help = help, .max = 10, .automatic = "the static coefficient", .role = Role::dynamic_friction},
-          usual)};
-  if (mu.mu_dynamic > mu.mu_static)
-    throw InputError("{} {:g} is more than {} {:g}; lower it", p.spelled(own), mu.mu_dynamic, p.spelled(name),
-                     mu.mu_static);
-  if (mu.mu_dynamic == 0 && mu.mu_static > 0)
-    throw InputError(
-        "{0} 0 with {1} {2:g}: dynamic friction must be positive if static friction is; raise {0}, or give {1} 0",
-        p.spelled(own), p.spelled(name), mu.mu_static);
-  return mu;
-}
+Coulomb read_dynamic_friction(ParameterReader& p, std::string_view name, Real mu_static, Real usual);
 /// Static and dynamic friction; `mu` declares the static coefficient. Errors: as above.
-inline Coulomb read_coulomb(ParameterReader& p, const Parameter& mu) {
-  const Real mu_static = p.number(mu);
-  return read_dynamic_friction(p, mu.name, mu_static, std::min(mu_static, p.usual_dynamic_friction));
-}
-inline Coulomb read_pair_friction(ParameterReader& p) {
-  return read_coulomb(p, {.name = "mu_disk",
-                          .symbol = "\\mu_{disk}",
-                          .help = "static friction coefficient of frictional disks and spheres with each other",
-                          .value = 0.4,
-                          .max = 10,
-                          .role = Role::friction});
-}
-inline Coulomb read_wall_friction(ParameterReader& p) {
-  return read_coulomb(p, {.name = "mu_wall",
-                          .symbol = "\\mu_{wall}",
-                          .help = "static friction coefficient of frictional disks and spheres with walls",
-                          .value = 0.4,
-                          .max = 10,
-                          .role = Role::friction});
-}
+Coulomb read_coulomb(ParameterReader& p, const Parameter& mu);
+Coulomb read_pair_friction(ParameterReader& p);
+Coulomb read_wall_friction(ParameterReader& p);
 
 /// The coefficients of walls of the materials 1, 2, … (Walls::material); all other parameters are equal to material 0.
 class OtherMaterials {
@@ -156,62 +123,42 @@ template <class R>
 struct Press {
   R force, stiffness, reference;
 };
+/// visit(law) for one of the laws of surfaces with friction.
+template <class Visit>
+decltype(auto) with_surface_law(ContactLaw law, Visit&& visit) {
+  return with_law<HertzOverlap, SpringOverlap, HarmonicOverlap>(law, visit);
+}
 /// Whether V'' is the same at all distances.
-template <class Law>
-inline constexpr bool constant_stiffness = Law::kind == ContactLaw::harmonic || Law::kind == ContactLaw::spring;
-template <class Law, class R>
-PLIANT_INLINE Press<R> press_of(Real epsilon, R delta, R d) {
-  if constexpr (Law::kind == ContactLaw::harmonic) {  // with one division
-    const R k = epsilon / (delta * delta);
+constexpr bool constant_stiffness(ContactLaw law) { return law == ContactLaw::harmonic || law == ContactLaw::spring; }
+/// Of one of these laws: vectors need one that is known at compile time.
+template <class R>
+PLIANT_INLINE Press<R> press_of(ContactLaw law, Real epsilon, R delta, R d) {
+  if (constant_stiffness(law)) {  // with one division
+    const R k = law == ContactLaw::harmonic ? R(epsilon / (delta * delta)) : R(epsilon + R());
     return {k * (delta - d), k, k};
-  } else if constexpr (Law::kind == ContactLaw::spring) {
-    const R k = epsilon + R();
-    return {k * (delta - d), k, k};
-  } else if constexpr (std::is_arithmetic_v<R>) {
-    const Law law{epsilon, delta};
-    return {-law.slope(d), law.curvature(d), reference_stiffness(law)};
+  }
+  if constexpr (std::is_arithmetic_v<R>) {
+    const HertzOverlap hertz{epsilon, delta};
+    return {-hertz.slope(d), hertz.curvature(d), reference_stiffness(hertz)};
   } else {
     Press<R> all;
     for (std::size_t k = 0; k < sizeof(R) / sizeof(Real); ++k) {
-      const Press<Real> one = press_of<Law, Real>(epsilon, delta[k], d[k]);
+      const Press<Real> one = press_of<Real>(law, epsilon, delta[k], d[k]);
       all.force[k] = one.force, all.stiffness[k] = one.stiffness, all.reference[k] = one.reference;
     }
     return all;
   }
 }
 
-/// The largest stiffness(law)/m of a point. reach: distance at touch over the diameter, 1 with a like point, 1/2 at a
-/// wall.
-template <class Law, class Stiffness>
-Real stiffest(const Topology& topology, Real epsilon, Real reach, Stiffness&& stiffness) {
-  return 1 / smallest_over_points(topology, [&](Index i) {
-           return topology.mass(i) / stiffness(Law{epsilon, reach * topology.diameter[i]});
-         });
-}
-
-/// The rate ω of the stiffest tangential spring, ω² = share k_t/m.
-template <class Law>
-Real spring_rate(const SurfaceFriction& f, const Topology& topology, Real epsilon, Real reach, Real share) {
-  return std::sqrt((f.rubs() ? share * f.stiffness : 0) *
-                   stiffest<Law>(topology, epsilon, reach, [](const Law& law) { return reference_stiffness(law); }));
-}
-
-/// √(V''/(partners m)) of the stiffest point.
-template <class Law>
-Real contact_frequency(const Topology& topology, Real epsilon, Real reach, Real partners) {
-  return std::sqrt(stiffest<Law>(topology, epsilon, reach,
-                                 [](const Law& law) { return Law::stiffness * law.epsilon / Law::scale(law.delta); }) /
-                   partners);
-}
+/// The rate ω of the stiffest tangential spring, ω² = share k_t/m. reach: distance at touch over the diameter, 1 with a
+/// like point, 1/2 at a wall.
+Real spring_rate(ContactLaw law, const SurfaceFriction& f, const Topology& topology, Real epsilon, Real reach,
+                 Real share);
 
 /// The rate share ζ √(V''/(partners m)) of the dashpots of a point, with V'' and m of the stiffest contact. `share` is
 /// for γ_t/γ_n up to 1/2; beyond, the tangential dashpot is faster.
-template <class Law>
-Real dashpot_rate(const SurfaceFriction& f, const Topology& topology, Real epsilon, Real reach, Real share,
-                  Real partners) {
-  return share * std::max(1.0, 2 * f.tangential_damping) * f.damping *
-         contact_frequency<Law>(topology, epsilon, reach, partners);
-}
+Real dashpot_rate(ContactLaw law, const SurfaceFriction& f, const Topology& topology, Real epsilon, Real reach,
+                  Real share, Real partners);
 
 /// How many times the stiffness of one spring over the mass of a point, and so with dashpots, all contacts around it
 /// have: for its motion along the normals and across them, and for its rotation.
@@ -220,16 +167,9 @@ struct SurfaceContacts {
   Real bodies;  ///< that a contact moves: 2, or 1 at a wall
 };
 
-/// Rates of springs across the normals and of dashpots, without the elastic stiffness. reach: as in `stiffest`.
-template <class Law>
-MotionRates surface_rates(const SurfaceFriction& f, const Topology& topology, Real epsilon, Real reach,
-                          const SurfaceContacts& contacts) {
-  const Real normal = 2 * f.damping * contact_frequency<Law>(topology, epsilon, reach, contacts.bodies),
-             across = f.rubs() ? f.tangential_damping * normal : 0,
-             spring = square(spring_rate<Law>(f, topology, epsilon, reach, 1));
-  return {{contacts.across * spring, contacts.normal * normal + contacts.across * across},
-          {contacts.rotation * spring, contacts.rotation * across}};
-}
+/// Rates of springs across the normals and of dashpots, without the elastic stiffness. reach: as above.
+MotionRates surface_rates(ContactLaw law, const SurfaceFriction& f, const Topology& topology, Real epsilon, Real reach,
+                          const SurfaceContacts& contacts);
 
 /// Forces between two touching surfaces, and the heat of them. This part follows from positions. Also of
 /// several contacts at a time, where R is a vector of numbers.
@@ -302,84 +242,15 @@ struct SurfaceTouch {
 /// The coefficient of restitution of two bodies that collide with the damping ζ, with a force that never attracts: they
 /// part where it vanishes. With the harmonic law e = exp(−2ζ arccos(ζ)/√(1−ζ²)) [T. Schwager, T. Pöschel, Granular
 /// Matter 9, 465 (2007)]; with Hertz' law, whose damping follows the stiffness, the equation of motion is solved.
-template <class Law>
-Real restitution(Real zeta) {
-  static_assert(Law::kind != ContactLaw::barrier);
-  if constexpr (Law::kind != ContactLaw::hertz) {
-    const Real root = std::sqrt(std::abs(1 - square(zeta)));
-    if (root < 1e-8) return std::exp(-2 * zeta);
-    return std::exp(-2 * zeta * (zeta < 1 ? std::acos(zeta) : std::acosh(zeta)) / root);
-  } else {
-    // ẍ = −x^(3/2) − 2ζ √(3/2) x^(1/4) ẋ from x = 0, ẋ = 1; as an equation for ẋ(x) it would be singular at the turn.
-    Real x = 0, v = 1;
-    const auto force = [&](Real at, Real speed) {
-      const Real depth = std::max(at, 0.0), root = std::sqrt(depth);
-      return -depth * root - 2 * zeta * std::sqrt(1.5 * root) * speed;
-    };
-    const Real h = 1e-3 / std::max(1.0, zeta);
-    for (Real a = force(x, v); v > 0 || a < 0;) {  // the midpoint rule
-      const Real middle_x = x + h / 2 * v, middle_v = v + h / 2 * a;
-      v += h * force(middle_x, middle_v);
-      x += h * middle_v;
-      a = force(x, v);
-      if (x <= 0) break;
-    }
-    return -v;
-  }
-}
+Real restitution(ContactLaw law, Real zeta);
 
 /// The damping ζ that gives a coefficient of restitution. Errors: InputError for a coefficient outside (0, 1].
-template <class Law>
-Real damping_for(Real e) {
-  if (!(e > 0 && e <= 1)) throw InputError("the coefficient of restitution is {}, but it must be in (0, 1]", e);
-  if (e == 1) return 0;
-  Real low = 0, high = 1;
-  while (restitution<Law>(high) > e) high *= 2;
-  for (int k = 0; k < 60; ++k) {
-    const Real middle = (low + high) / 2;
-    (restitution<Law>(middle) > e ? low : high) = middle;
-  }
-  return (low + high) / 2;
-}
+Real damping_for(ContactLaw law, Real e);
 
 /// The parameters of SurfaceFriction, except the coefficients of friction, which are given.
-template <class Law>
-SurfaceFriction read_surface(ParameterReader& p, const Coulomb& mu) {
-  const Real e = p.number({.name = "restitution",
-                           .symbol = "e",
-                           .help = "coefficient of restitution of head-on collisions with particles and walls",
-                           .value = 0.5,
-                           .max = 1,
-                           .min_open = true,
-                           .role = Role::restitution});
-  SurfaceFriction surface{.mu_static = mu.mu_static, .mu_dynamic = mu.mu_dynamic, .damping = damping_for<Law>(e)};
-  surface.stiffness = p.number({.name = "tangential_stiffness",
-                                .symbol = "k_t/k_n",
-                                .help = "stiffness of tangential springs, divided by the normal stiffness",
-                                .value = surface.stiffness,
-                                .max = 10,
-                                .min_open = true});
-  surface.tangential_damping = p.number({.name = "tangential_damping",
-                                         .symbol = "\\gamma_t/\\gamma_n",
-                                         .help = "tangential damping divided by normal damping",
-                                         .value = surface.tangential_damping,
-                                         .max = 10});
-  return surface;
-}
+SurfaceFriction read_surface(ParameterReader& p, ContactLaw law, const Coulomb& mu);
 
 /// The friction of walls of the reader's materials; default: the friction of other walls, `first`.
-inline OtherMaterials read_materials(ParameterReader& p, const Coulomb& first) {
-  std::vector<Coulomb> all;
-  for (const std::string& material : p.materials) {
-    const std::string name = fmt::format("mu_{}", material),
-                      help = fmt::format("static friction coefficient of disks with the {}", material);
-    const Real mu_static = p.automatic(
-        {.name = name, .help = help, .max = 10, .automatic = "the coefficient of other walls", .role = Role::friction},
-        first.mu_static);
-    const Real usual = p.is_set(name) ? std::min(mu_static, p.usual_dynamic_friction) : first.mu_dynamic;
-    all.push_back(read_dynamic_friction(p, name, mu_static, usual));
-  }
-  return OtherMaterials(std::move(all));
-}
+OtherMaterials read_materials(ParameterReader& p, const Coulomb& first);
 
 }  // namespace pliant

@@ -33,10 +33,11 @@ inline Real read_wall_diameter(ParameterReader& p) {
 /// for walls without thickness: ε_w/2 (1 − 2 d_w/δ)² Θ(1 − 2 d_w/δ). Where segments are joined to an outline the joint
 /// counts −V. Walls may move: they are at their places at the view's time. Elements: neighbour list of points and parts
 /// of the walls.
-template <int D, class Law = HarmonicOverlap>
+template <int D>
 struct WallContact {
-  Real epsilon;
+  Real epsilon = 0;
   Real thickness = 0;  ///< δ_w, in σ_avg
+  ContactLaw law = ContactLaw::harmonic;
 
   static constexpr Elements elements = Elements::walls;
   static std::string_view name() { return "wall"; }
@@ -45,26 +46,26 @@ struct WallContact {
     thickness = read_wall_diameter(p);
   }
 
-  WallLaw kernel_law() const { return {epsilon, Law::kind}; }
+  WallLaw kernel_law() const { return {epsilon, law}; }
   bool enabled(const StateView<D>& s) const { return s.walls.size() > 0; }
   Real range() const { return thickness / 2; }
 
   Real energy(const StateView<D>& s, Index e) const {
     const auto [i, part] = s.neighbours.walls[e];
-    return s.walls.weight(part) * law(s, i).value(s.walls.distance(s.position(i), part, s.t));
+    return s.walls.weight(part) * overlap(s, i).value(s.walls.distance(s.position(i), part, s.t));
   }
 
   template <class G>
   void add_gradient(const StateView<D>& s, Index e, G& grad) const {
     const auto [i, part] = s.neighbours.walls[e];
-    if (s.walls.beyond(s.position(i), law(s, i).delta, part, s.t)) return;
+    if (s.walls.beyond(s.position(i), overlap(s, i).delta, part, s.t)) return;
     grad.add(i, Vec<D>(-force(s, e)));
   }
 
   void add_hessian(const StateView<D>& s, Index e, BlockSink<D>& h) const {
     const auto [i, part] = s.neighbours.walls[e];
     const WallFoot<D> foot = s.walls.foot(s.position(i), part, s.t);
-    const Law v = law(s, i);
+    const Overlap v = overlap(s, i);
     if (!v.touches(foot.d)) return;
     h.add(
         i, i,
@@ -78,18 +79,20 @@ struct WallContact {
     Vec<D> n;
     s.walls.nearest(s.position(i), part, s.t, d, n);
     if (d == 0 && !s.walls.solid(part, s.t)) return Vec<D>::Zero();  // a law may be infinite there
-    return -s.walls.weight(part) * law(s, i).slope(d) * n;
+    return -s.walls.weight(part) * overlap(s, i).slope(d) * n;
   }
 
   /// ω² = V''/m, with the harmonic law 4 ε_w/((δ + δ_w)² m).
   Real max_rate(const Topology& topology) const {
-    return std::sqrt(Law::stiffness * epsilon / smallest_over_points(topology, [&](Index i) {
-                       return Law::scale((topology.diameter[i] + thickness) / 2) * topology.mass(i);
+    return std::sqrt(Overlap::stiffness(law) * epsilon / smallest_over_points(topology, [&](Index i) {
+                       return Overlap::scale(law, (topology.diameter[i] + thickness) / 2) * topology.mass(i);
                      }));
   }
 
  private:
-  Law law(const StateView<D>& s, Index i) const { return {epsilon, (s.topology.diameter[i] + thickness) / 2}; }
+  Overlap overlap(const StateView<D>& s, Index i) const {
+    return {law, epsilon, (s.topology.diameter[i] + thickness) / 2};
+  }
 };
 
 }  // namespace pliant

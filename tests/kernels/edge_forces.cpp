@@ -56,7 +56,7 @@ struct Ways {
 };
 
 EdgeLaw twofold(EdgeLaw law) {
-  const EdgeContact<> contact{law.epsilon, Edges::wide, true, EdgeForce::twofold};
+  const EdgeContact contact{law.epsilon, Edges::wide, true, EdgeForce::twofold};
   law.edge_weight = contact.edge_weight();
   law.vertex_weight = contact.vertex_weight();
   return law;
@@ -89,11 +89,9 @@ std::vector<Real> element_forces(const EdgeLaw& law, const Outlines& o, Index n)
   std::vector<Real> f(o.x.size());
   Scatter<2, -1> minus{f.data()};
   Scatter<2, 1> plus{f.data()};
-  with_law(law.contact, [&]<class Law>(Law) {
-    const EdgeContact<Law> contact{law.epsilon, o.edges, true,
-                                   law.edge_weight == 1 ? EdgeForce::single : EdgeForce::twofold};
-    for (Index e = 0; e < n; ++e) contact.add_gradient(s, e, minus);
-  });
+  const EdgeContact contact{law.epsilon, o.edges, true, law.edge_weight == 1 ? EdgeForce::single : EdgeForce::twofold,
+                            law.contact};
+  for (Index e = 0; e < n; ++e) contact.add_gradient(s, e, minus);
   for (Index e = 0; e < n && law.mu > 0; ++e) friction.add_force(s, e, plus);
   return f;
 }

@@ -67,16 +67,9 @@ std::vector<Real> element_forces(const PairLaw& law, const Cloud<D>& c, Sides si
   Scatter<D, 1> plus{f.data()};
   FirstOnly<D, -1> minus_first{minus};
   FirstOnly<D, 1> plus_first{plus};
-  const auto add_contacts = [&](const auto& contact) {
-    for (Index e = 0; e < n; ++e)
-      sides == Sides::both ? contact.add_gradient(s, e, minus) : contact.add_gradient(s, e, minus_first);
-  };
-  if (law.contact == ContactLaw::hertz)
-    add_contacts(PairContact<D, HertzOverlap>{law.epsilon, "pair"});
-  else if (law.contact == ContactLaw::linear)
-    add_contacts(PairContact<D, LinearOverlap>{law.epsilon, "pair"});
-  else
-    add_contacts(PairContact<D>{law.epsilon, "pair"});
+  const PairContact<D> contact{law.epsilon, "pair", law.contact};
+  for (Index e = 0; e < n; ++e)
+    sides == Sides::both ? contact.add_gradient(s, e, minus) : contact.add_gradient(s, e, minus_first);
   for (Index e = 0; e < n && friction.enabled(s); ++e)
     sides == Sides::both ? friction.add_force(s, e, plus) : friction.add_force(s, e, plus_first);
   return f;

@@ -64,11 +64,8 @@ struct Room {
     const StateView<D> s{x.data(), nullptr, topology, neighbours, walls};
     std::vector<Real> f(x.size(), 0.25);
     Scatter<D, -1> minus{f.data()};
-    const auto add = [&]<class Law>(Law) {
-      const WallContact<D, Law> contact{epsilon};
-      for (std::size_t e = 0; e < n; ++e) contact.add_gradient(s, static_cast<Index>(e), minus);
-    };
-    law == ContactLaw::linear ? add(LinearOverlap{}) : with_law(law, add);
+    const WallContact<D> contact{.epsilon = epsilon, .law = law};
+    for (std::size_t e = 0; e < n; ++e) contact.add_gradient(s, static_cast<Index>(e), minus);
     return f;
   }
 };

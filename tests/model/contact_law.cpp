@@ -1,6 +1,8 @@
 // The laws of contacts: derivatives, smoothness, bounds.
 #include <catch2/catch.hpp>
 
+#include <array>
+
 #include <pliant/catalogue/catalogue.h>
 #include <pliant/model/crossing.h>
 #include <pliant/model/edge_contact.h>
@@ -23,6 +25,9 @@ constexpr Real epsilon = 1e3, delta = 0.1;
 TEMPLATE_TEST_CASE("derivatives of a law", "", HarmonicOverlap, HertzOverlap, BarrierOverlap, SpringOverlap,
                    LinearOverlap) {
   const TestType v{epsilon, delta};
+  const Overlap same{TestType::kind, epsilon, delta};
+  CHECK(Overlap::stiffness(TestType::kind) == TestType::stiffness);
+  CHECK(Overlap::scale(TestType::kind, delta) == TestType::scale(delta));
   for (Real s = 0.01; s < 1.2; s += 0.0173) {
     INFO("d/range " << s);
     const Real d = s * delta, h = 1e-4 * d;
@@ -32,6 +37,8 @@ TEMPLATE_TEST_CASE("derivatives of a law", "", HarmonicOverlap, HertzOverlap, Ba
     };
     CHECK(v.slope(d) == Approx(difference([&](Real r) { return v.value(r); })).epsilon(1e-7).margin(1e-7));
     CHECK(v.curvature(d) == Approx(difference([&](Real r) { return v.slope(r); })).epsilon(1e-7).margin(1e-4));
+    CHECK(std::array{same.value(d), same.slope(d), same.curvature(d)} ==
+          std::array{v.value(d), v.slope(d), v.curvature(d)});
     CHECK(v.touches(d) == (s < 1));
     CHECK((v.value(d) > 0) == (s < 1));
     if (s < 1) CHECK(TestType::push(epsilon, delta, d) == Approx(-v.slope(d) / d).epsilon(1e-12));
@@ -73,7 +80,7 @@ TEST_CASE("the barrier follows the harmonic law at small overlaps and grows with
 }
 
 TEST_CASE("derivatives of contacts with the barrier") {
-  const auto edge = alone<2>(EdgeContact<BarrierOverlap>{epsilon});
+  const auto edge = alone<2>(EdgeContact{.epsilon = epsilon, .law = ContactLaw::barrier});
   for (const Place place : interior_places) {
     INFO("place " << static_cast<int>(place));
     check_smooth<2>(
@@ -85,13 +92,13 @@ TEST_CASE("derivatives of contacts with the barrier") {
     check_boundary<2>(
         *edge, [&](Random& r) { return touching_polygons(r, place); }, 1e-6);
   }
-  const auto wall = alone<2>(WallContact<2, BarrierOverlap>{epsilon});
+  const auto wall = alone<2>(WallContact<2>{.epsilon = epsilon, .law = ContactLaw::barrier});
   for (const WallPlace place : interior_wall_places) {
     INFO("wall, place " << static_cast<int>(place));
     check_smooth<2>(
         *wall, [&](Random& r) { return polygon_at_wall(r, 45, place, smooth_width); }, 1e-6);
   }
-  const auto lip = alone<2>(LipContact<BarrierOverlap>{epsilon});
+  const auto lip = alone<2>(LipContact{{epsilon}, ContactLaw::barrier});
   for (const LipPlace place : {LipPlace::edge, LipPlace::notch}) {
     INFO("lip, place " << static_cast<int>(place));
     check_smooth<2>(
@@ -111,7 +118,8 @@ TEST_CASE("second derivatives of the barrier do not jump at touch") {
       Random random(k);
       Configuration<2> c = touching_polygons(random, place);
       const VectorXd p = random_direction(random, c.positions().size());
-      const auto smooth = alone<2>(EdgeContact<BarrierOverlap>{epsilon}), kinked = alone<2>(EdgeContact{epsilon});
+      const auto smooth = alone<2>(EdgeContact{.epsilon = epsilon, .law = ContactLaw::barrier}),
+                 kinked = alone<2>(EdgeContact{epsilon});
       REQUIRE(jump(*smooth, c, p, 1e-5) > 0);
       CHECK(jump(*smooth, c, p, 1e-7) < 0.02 * jump(*smooth, c, p, 1e-5));
       CHECK(jump(*kinked, c, p, 1e-7) > 0.9 * jump(*kinked, c, p, 1e-5));
@@ -171,8 +179,8 @@ TEST_CASE("a spring is as stiff for large particles as for small ones, in the st
   Topology disks;
   disks.add_soft(0.5, 3);
   disks.add_soft(4, 2);
-  const PairContact<2, SpringOverlap> pair{k, "pair"};
-  const WallContact<2, SpringOverlap> wall{k};
+  const PairContact<2> pair{k, "pair", ContactLaw::spring};
+  const WallContact<2> wall{.epsilon = k, .law = ContactLaw::spring};
   CHECK(pair.max_rate(disks) == Approx(std::sqrt(2 * k / 2)));
   CHECK(wall.max_rate(disks) == Approx(std::sqrt(k / 2)));
 }
@@ -208,8 +216,8 @@ TEMPLATE_TEST_CASE_SIG("the linear law gives pairs and walls E (1 - r/sigma), wh
 }
 
 TEST_CASE("derivatives of the linear contact") {
-  const auto field2 = alone<2>(PairContact<2, LinearOverlap>{epsilon, "pair"});
-  const auto field3 = alone<3>(PairContact<3, LinearOverlap>{epsilon, "pair"});
+  const auto field2 = alone<2>(PairContact<2>{epsilon, "pair", ContactLaw::linear});
+  const auto field3 = alone<3>(PairContact<3>{epsilon, "pair", ContactLaw::linear});
   check_smooth<2>(
       *field2, [](Random& r) { return soft_cluster<2>(r); }, 1e-5);
   check_smooth<3>(

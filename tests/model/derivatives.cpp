@@ -81,9 +81,11 @@ TEST_CASE("derivatives of the pair contact") {
   check_boundary<2>(*field2, touching_soft<2>, 1e-4);
   check_boundary<3>(*field3, touching_soft<3>, 1e-4);
   check_smooth<2>(
-      *alone<2>(PairContact<2, HertzOverlap>{epsilon, "pair"}), [](Random& r) { return soft_cluster<2>(r); }, 1e-5);
+      *alone<2>(PairContact<2>{epsilon, "pair", ContactLaw::hertz}), [](Random& r) { return soft_cluster<2>(r); },
+      1e-5);
   check_smooth<3>(
-      *alone<3>(PairContact<3, HertzOverlap>{epsilon, "pair"}), [](Random& r) { return soft_cluster<3>(r); }, 1e-5);
+      *alone<3>(PairContact<3>{epsilon, "pair", ContactLaw::hertz}), [](Random& r) { return soft_cluster<3>(r); },
+      1e-5);
 }
 
 TEST_CASE("derivatives of the edge contact") {
@@ -174,8 +176,8 @@ Configuration<D> thinner(Configuration<D> c) {
 
 TEST_CASE("derivatives of the contact with thick walls") {
   const auto field2 = alone<2>(WallContact<2>{epsilon, thickness});
-  const auto field3 = alone<3>(WallContact<3, LinearOverlap>{epsilon, thickness});
-  const auto lip = alone<2>(LipContact<>{epsilon, true, thickness});
+  const auto field3 = alone<3>(WallContact<3>{epsilon, thickness, ContactLaw::linear});
+  const auto lip = alone<2>(LipContact{epsilon, true, thickness});
   for_each_place(interior_wall_places, [&](WallPlace place) {
     check_smooth<2>(
         *field2, [&](Random& r) { return thinner(soft_at_wall<2>(r, 45, place)); }, 1e-5);

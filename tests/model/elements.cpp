@@ -196,11 +196,11 @@ TEST_CASE("the lists of a model follow from its terms") {
 }
 
 TEST_CASE("terms of one model have the same edges") {
-  const EdgeContact<> bare{1, Edges::bare};
+  const EdgeContact bare{1, Edges::bare};
   CHECK(alone<2>(bare, EdgeFriction{0})->needs() == NeighbourNeeds{.vertex_edges = true, .edges = Edges::bare});
   CHECK_THROWS_AS(alone<2>(bare, EdgeFriction{1})->needs(), std::logic_error);
   CHECK_THROWS_AS(alone<2>(MiddleForce{1}, bare)->needs(), std::logic_error);
-  CHECK(alone<2>(EdgeContact<>{1}, MiddleForce{1})->needs() ==
+  CHECK(alone<2>(EdgeContact{1}, MiddleForce{1})->needs() ==
         NeighbourNeeds{.vertex_edges = true, .beyond_contact = MiddleForce::beyond});
 }
 
@@ -241,11 +241,11 @@ TEST_CASE("elements act on the points of their stencils, and couple no others") 
   check_stencil<2>(Bending{1}, crowd(), names);
   check_stencil<2>(Gravity<2>{{0, -1}}, crowd(), names);
   check_stencil<2>(Drag<2>{1}, crowd(), names);
-  check_stencil<2>(EdgeContact<>{1}, tip(), names);
-  check_stencil<2>(EdgeContact<>{1, Edges::bare}, touching_bare_polygons(random, Place::edge), names);
-  check_stencil<2>(EdgeContact<BarrierOverlap>{1}, tip(), names);
+  check_stencil<2>(EdgeContact{1}, tip(), names);
+  check_stencil<2>(EdgeContact{1, Edges::bare}, touching_bare_polygons(random, Place::edge), names);
+  check_stencil<2>(EdgeContact{.epsilon = 1, .law = ContactLaw::barrier}, tip(), names);
   check_stencil<2>(EdgeFriction{1}, tip(), names);
-  check_stencil<2>(LipContact<>{1}, polygon_at_lip(random, 60, LipPlace::edge, smooth_width), names);
+  check_stencil<2>(LipContact{1}, polygon_at_lip(random, 60, LipPlace::edge, smooth_width), names);
   const auto check_soft = [&]<int D>(Configuration<D> cluster) {
     check_stencil<D>(PairContact<D>{1, "pair"}, soft_cluster<D>(random), names);
     check_stencil<D>(PairFriction<D>{1}, std::move(cluster), names);

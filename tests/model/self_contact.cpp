@@ -33,10 +33,7 @@ Configuration<2> tip_over_corner(const Vec<2>& tip) {
   return with({{0, -0.5}, {2, 0}, {4, -0.5}, {4, 3}, {2.2, 3}, tip, {1.8, 3}, {0, 3}});
 }
 
-template <class Law>
-Real energy(const SelfContact<Law>& term, Configuration<2>& c) {
-  return alone<2>(term)->energy(c.view());
-}
+Real energy(const SelfContact& term, Configuration<2>& c) { return alone<2>(term)->energy(c.view()); }
 
 /// Least distance of a vertex to an edge that does not end there.
 Real least_distance(const Polygon& r) {
@@ -56,9 +53,10 @@ TEST_CASE("derivatives of the contact of a particle with itself", "[derivatives]
   check_smooth<2>(
       *alone<2>(SelfContact{epsilon, Edges::bare}), [](Random& r) { return slotted(r, 2 * delta); }, 1e-6);
   check_smooth<2>(
-      *alone<2>(SelfContact<BarrierOverlap>{epsilon}), [](Random& r) { return slotted(r); }, 1e-7);
+      *alone<2>(SelfContact{.epsilon = epsilon, .law = ContactLaw::barrier}), [](Random& r) { return slotted(r); },
+      1e-7);
   check_smooth<2>(
-      *alone<2>(SelfContact<HertzOverlap>{epsilon}), [](Random& r) { return slotted(r); }, 1e-7);
+      *alone<2>(SelfContact{.epsilon = epsilon, .law = ContactLaw::hertz}), [](Random& r) { return slotted(r); }, 1e-7);
 }
 
 TEST_CASE("a vertex that slides round a corner of its own outline feels the distance to it", "[self]") {

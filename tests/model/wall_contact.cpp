@@ -90,8 +90,8 @@ TEMPLATE_TEST_CASE_SIG("derivatives at outlines and disks", "[walls]", ((int D),
         *field, [&](Random& r) { return at_walls<D>(r, disk); }, 1e-5);
   };
   check(alone<D>(WallContact<D>{epsilon}));
-  check(alone<D>(WallContact<D, HertzOverlap>{epsilon}));
-  check(alone<D>(WallContact<D, BarrierOverlap>{epsilon}));
+  check(alone<D>(WallContact<D>{.epsilon = epsilon, .law = ContactLaw::hertz}));
+  check(alone<D>(WallContact<D>{.epsilon = epsilon, .law = ContactLaw::barrier}));
 }
 
 namespace {
@@ -129,7 +129,7 @@ TEMPLATE_TEST_CASE_SIG("derivatives at half-spaces and wedges", "[walls]", ((int
     }
   };
   check_smooth<D>(*alone<D>(WallContact<D>{epsilon}), make, 1e-5);
-  check_smooth<D>(*alone<D>(WallContact<D, HertzOverlap>{epsilon}), make, 1e-5);
+  check_smooth<D>(*alone<D>(WallContact<D>{.epsilon = epsilon, .law = ContactLaw::hertz}), make, 1e-5);
 }
 
 TEMPLATE_TEST_CASE_SIG("solids push out what has gone through their surface, segments push it on", "[walls]",

@@ -183,7 +183,7 @@ TEST_CASE("friction of two disks by hand") {
     REQUIRE(of.frame.contacts.count == 1);
     return std::pair(row<2>(of.frame.contacts.force, 0), row<2>(of.frame.contacts.friction, 0));
   };
-  const Real gamma = damping_for<HarmonicOverlap>(0.5) * std::sqrt(pi / 8 * 100);
+  const Real gamma = damping_for(ContactLaw::harmonic, 0.5) * std::sqrt(pi / 8 * 100);
   const auto [slow, dashpot] = disk(0.01, 10);
   CHECK(slow[0] == Approx(gamma * 0.01 / square(0.9)));
   CHECK(slow[1] == Approx(-10));

@@ -46,7 +46,7 @@ struct Crowd {
         wall{.mu_static = 0.4, .mu_dynamic = 0.3, .damping = 0.1};
     const BaseFriction base{.gravity = 1, .mu_static = 0.5, .mu_dynamic = 0.3, .epsilon = 100};
     auto s = simulation_of<2>(c, sorting, ranks, std::make_unique<FixedStepVerlet>(dt), disk_pairs(epsilon, disk),
-                              WallContact<2>{2 * epsilon}, DiskWallContact<>{2 * epsilon, wall}, base);
+                              WallContact<2>{2 * epsilon}, DiskWallContact{2 * epsilon, wall}, base);
     start(*s, c, angles, spins);
     touch(*s);
     return s;
@@ -151,10 +151,10 @@ TEST_CASE("ranges of elements have the forces of all their elements, bit for bit
       apart += all.size() - touching;
     };
     const SurfaceFriction rough{.mu_static = 0.5, .mu_dynamic = 0.4, .damping = 0.1};
-    check(DiskContact<>{1000, rough}, view.neighbours.point_pairs);
-    check(DiskContact<HertzOverlap>{1000, rough}, view.neighbours.point_pairs);
-    check(DiskContact<SpringOverlap>{1000, rough}, view.neighbours.point_pairs);
-    check(DiskWallContact<>{2000, rough}, view.neighbours.walls);
+    check(DiskContact{1000, rough}, view.neighbours.point_pairs);
+    check(DiskContact{1000, rough, ContactLaw::hertz}, view.neighbours.point_pairs);
+    check(DiskContact{1000, rough, ContactLaw::spring}, view.neighbours.point_pairs);
+    check(DiskWallContact{2000, rough}, view.neighbours.walls);
   }
   CHECK(some > 3);
   CHECK(apart > 20);

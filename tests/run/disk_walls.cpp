@@ -15,7 +15,7 @@ template <class... More>
 std::unique_ptr<Simulation<2>> simulation(const Configuration<2>& c, const SurfaceFriction& surface, Real dt,
                                           More... more) {
   return simulation_of<2>(c, Sorting::never, Ranks(), std::make_unique<FixedStepVerlet>(dt), WallContact<2>{epsilon},
-                          DiskWallContact<>{epsilon, surface}, more...);
+                          DiskWallContact{epsilon, surface}, more...);
 }
 std::size_t contacts(const Simulation<2>& s) {
   return s.particles().history().of("disk_wall_contact").contacts().keys.size();
@@ -92,7 +92,7 @@ TEST_CASE("what walls and disks do to each other does not depend on a common vel
     c.v = {v[0], v[1]};
     auto s = simulation_of<2>(c, Sorting::never, Ranks(), std::make_unique<FixedStepVerlet>(2e-4 / faster),
                               WallContact<2>{square(faster) * epsilon},
-                              DiskWallContact<>{square(faster) * epsilon, {.mu_static = 0.3, .mu_dynamic = 0.2}});
+                              DiskWallContact{square(faster) * epsilon, {.mu_static = 0.3, .mu_dynamic = 0.2}});
     start(*s, c, {0}, {faster * 0.5});
     s->advance(0.05 / faster);
     CHECK(contacts(*s) == 0);
@@ -121,9 +121,9 @@ TEST_CASE("walls of other materials have friction of their own") {
     c.add_soft(1, {0, 0.5 - mass * weight * std::cos(phi) * 0.25 / epsilon});
     const auto s =
         simulation_of<2>(c, Sorting::never, Ranks(), std::make_unique<FixedStepVerlet>(1e-4), WallContact<2>{epsilon},
-                         DiskWallContact<>{epsilon,
-                                           {.mu_static = mu_walls, .mu_dynamic = mu_walls, .damping = 0.3},
-                                           OtherMaterials({{0.9, 0.9}, {mu_others, mu_others}})},
+                         DiskWallContact{epsilon,
+                                         {.mu_static = mu_walls, .mu_dynamic = mu_walls, .damping = 0.3},
+                                         OtherMaterials({{0.9, 0.9}, {mu_others, mu_others}})},
                          Slope{weight * pliant::Vec<2>(std::sin(phi), -std::cos(phi))});
     start(*s, c, {0}, {0});
     touch(*s);
@@ -147,9 +147,9 @@ TEST_CASE("walls of other materials have friction of their own") {
   // The step limit of a wall with friction counts if the first wall has no friction.
   Configuration<2> c;
   c.add_soft(1, {0, 0});
-  const DiskWallContact<> smooth{epsilon, {}}, one{epsilon, {}, OtherMaterials({{0.1, 0.1}})};
+  const DiskWallContact smooth{epsilon, {}}, one{epsilon, {}, OtherMaterials({{0.1, 0.1}})};
   CHECK(smooth.max_rate(c.topology) == 0);
-  CHECK(one.max_rate(c.topology) == DiskWallContact<>{epsilon, rough}.max_rate(c.topology));
+  CHECK(one.max_rate(c.topology) == DiskWallContact{epsilon, rough}.max_rate(c.topology));
 }
 
 TEST_CASE("round a convex corner a disk has one contact with one history") {

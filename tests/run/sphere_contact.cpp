@@ -22,10 +22,9 @@ using Matrix = pliant::Mat<3>;
 constexpr Real epsilon = 1000;
 constexpr SurfaceFriction rough{.mu_static = 0.5, .mu_dynamic = 0.4, .damping = 0.1};
 
-template <class Law = HarmonicOverlap>
-auto ball_pairs(const SurfaceFriction& surface) {
-  return Fused<DiskKernel, PairContact<3, Law>, SphereContact<Law>>(PairContact<3, Law>{epsilon, "pair"},
-                                                                    SphereContact<Law>{epsilon, surface});
+auto ball_pairs(const SurfaceFriction& surface, ContactLaw law = ContactLaw::harmonic) {
+  return Fused<DiskKernel, PairContact<3>, SphereContact>(PairContact<3>{epsilon, "pair", law},
+                                                          SphereContact{epsilon, surface, law});
 }
 
 struct Weight {
@@ -80,7 +79,7 @@ struct Crowd {
   std::unique_ptr<Simulation<3>> simulation(Real dt = 5e-4, Sorting sorting = Sorting::never,
                                             const Ranks& ranks = Ranks()) const {
     auto s = simulation_of<3>(c, sorting, ranks, std::make_unique<FixedStepVerlet>(dt), ball_pairs<>(rough),
-                              WallContact<3>{epsilon}, SphereWallContact<>{epsilon, rough});
+                              WallContact<3>{epsilon}, SphereWallContact{epsilon, rough});
     start(*s, c, angles, spins);
     s->particles().accepted(0, s->state().x().data(), s->state().v().data(), 0);
     return s;
@@ -104,17 +103,17 @@ namespace {
 /// The full law of two spheres: force and torque on the first, in list order, the next history, and the losses.
 struct WholeLaw {
   Vector force, torque_first, torque_second;
-  std::array<Real, SphereContact<>::history> kept;
+  std::array<Real, SphereContact::history> kept;
   std::array<Real, 3> lost;
 
-  template <class Law>
-  WholeLaw(const StateView<3>& s, Index e, const Law& law, const SurfaceFriction& f, std::span<const Real> past) {
+  WholeLaw(const StateView<3>& s, Index e, const Overlap& law, const SurfaceFriction& f, std::span<const Real> past) {
     const auto [i, j] = s.neighbours.point_pairs[e];
     const Topology& t = s.topology;
     const Vector r = s.position(i) - s.position(j), v = s.velocity(i) - s.velocity(j);
     const Real d = r.norm(), a = t.diameter[i] / 2, b = t.diameter[j] / 2, lever = law.delta / d;
     const Vector n = r / d, turn_i = point<3>(s.turns, i), turn_j = point<3>(s.turns, j);
-    const Real order = t.id[i] > t.id[j] ? -1 : 1, stiffness = law.curvature(d), k = f.stiffness * stiffness_of(law),
+    const Real order = t.id[i] > t.id[j] ? -1 : 1, stiffness = law.curvature(d),
+               k = f.stiffness * law.curvature(0.99 * law.delta),
                gamma = 2 * f.damping * std::sqrt(stiffness / (1 / t.mass(i) + 1 / t.mass(j)));
     Vector before = Vector::Zero(), spring = before;
     bool slid = false;
@@ -147,10 +146,6 @@ struct WholeLaw {
   }
 
  private:
-  template <class Law>
-  static Real stiffness_of(const Law& law) {
-    return law.curvature(0.99 * law.delta);
-  }
   static Matrix turn(const Vector& from, const Vector& to) {
     return Eigen::Quaternion<Real>::FromTwoVectors(from, to).toRotationMatrix();
   }
@@ -161,9 +156,9 @@ struct WholeLaw {
 TEST_CASE("balls four at a time have the forces of each by itself bit for bit, and the law of two balls") {
   const SurfaceFriction weak{.mu_static = 0.1, .mu_dynamic = 0.05, .damping = 0.1};
   Index some = 0, slide = 0, hold = 0, fresh = 0, ended = 0;
-  const auto check = [&]<class Law>(const Crowd& crowd, const SurfaceFriction& surface, Law, bool own_only, Real h) {
+  const auto check = [&](const Crowd& crowd, const SurfaceFriction& surface, ContactLaw kind, bool own_only, Real h) {
     const auto s = simulation_of<3>(crowd.c, Sorting::never, Ranks(), std::make_unique<FixedStepVerlet>(5e-4),
-                                    ball_pairs<Law>(surface));
+                                    ball_pairs(surface, kind));
     start(*s, crowd.c, crowd.angles, crowd.spins);
     s->particles().accepted(0, s->state().x().data(), s->state().v().data(), 0);
     s->advance(0.02);
@@ -172,11 +167,11 @@ TEST_CASE("balls four at a time have the forces of each by itself bit for bit, a
     std::vector<Real> moved = x;
     for (std::size_t k = 0; k < x.size(); ++k) moved[k] += h * v[k];
     const StateView<3> view = s->particles().view(moved.data(), v.data());
-    const SphereContact<Law> term{epsilon, surface};
+    const SphereContact term{epsilon, surface, kind};
     const ContactTable& table = view.history->of(term.name());
     ContactWorkspace workspace(table.needs());
     workspace.follow(table);
-    const ContactWorkspace::Next<SphereContact<Law>::history> next(table, workspace);
+    const ContactWorkspace::Next<SphereContact::history> next(table, workspace);
     const PairList& list = view.neighbours.point_pairs;
     const Index points = view.topology.owned_points();
     const Range all = list.inside(0), own{0, own_only ? points / 2 : points};
@@ -193,7 +188,7 @@ TEST_CASE("balls four at a time have the forces of each by itself bit for bit, a
       term.add_forces(view, all, table, workspace, Scatter<3, 1>{found.data(), {}, into(found).torques});
     const auto one = into(single), full = into(whole);
     Index touching = 0;
-    typename SphereContact<Law>::Touch c{};
+    SphereContact::Touch c{};
     for (Index e = all.first; e < all.last; ++e) {
       const bool touches = term.find(view, e, table.current(e), c);
       CHECK(next.touches(e) == touches);
@@ -203,15 +198,16 @@ TEST_CASE("balls four at a time have the forces of each by itself bit for bit, a
       }
       ++touching;
       term.add_force(view, c, one);
-      const WholeLaw law(view, e, Law{epsilon, list.reach[e]}, surface, table.current(e));
+      const WholeLaw law(view, e, Overlap{kind, epsilon, list.reach[e]}, surface, table.current(e));
       const auto [i, j] = list[e];
-      const Vector elastic = -Law{epsilon, list.reach[e]}.slope((view.position(i) - view.position(j)).norm()) *
-                             (view.position(i) - view.position(j)).normalized();
+      const Vector elastic =
+          -Overlap{kind, epsilon, list.reach[e]}.slope((view.position(i) - view.position(j)).norm()) *
+          (view.position(i) - view.position(j)).normalized();
       full.add(i, Vector(law.force - elastic)), full.add(j, Vector(elastic - law.force));
       full.add_torque(i, law.torque_first), full.add_torque(j, law.torque_second);
       const Real* const kept = next.set(e);
       for (std::size_t k = 0; k < law.kept.size(); ++k) CHECK(std::abs(kept[k] - law.kept[k]) < 1e-12);
-      if (!own_only || one.template counts<Elements::point_pairs>(view, e))
+      if (!own_only || one.counts<Elements::point_pairs>(view, e))
         for (std::size_t k = 0; k < 3; ++k) lost[k] += law.lost[k];
       (kept[6] != 0 ? slide : hold) += 1;
       fresh += table.current(e).empty() ? 1 : 0;
@@ -231,10 +227,10 @@ TEST_CASE("balls four at a time have the forces of each by itself bit for bit, a
     for (const bool own_only : {false, true})
       for (const Real h : {5e-4, 0.02}) {
         const Crowd crowd(seed, false, 5, 4);
-        check(crowd, rough, HarmonicOverlap{}, own_only, h);
-        check(crowd, weak, HarmonicOverlap{}, own_only, h);
-        check(crowd, rough, HertzOverlap{}, own_only, h);
-        check(crowd, rough, SpringOverlap{}, own_only, h);
+        check(crowd, rough, ContactLaw::harmonic, own_only, h);
+        check(crowd, weak, ContactLaw::harmonic, own_only, h);
+        check(crowd, rough, ContactLaw::hertz, own_only, h);
+        check(crowd, rough, ContactLaw::spring, own_only, h);
       }
   CHECK(some > 3);
   CHECK(slide > 20);
@@ -414,7 +410,7 @@ struct OnPlane {
     const Vector w = turn * v, o = turn * spin;
     c.v = {w[0], w[1], w[2]};
     s = simulation_of<3>(c, Sorting::never, Ranks(), std::make_unique<FixedStepVerlet>(1e-4), WallContact<3>{stiff},
-                         SphereWallContact<>{stiff, surface}, Weight{turn * g});
+                         SphereWallContact{stiff, surface}, Weight{turn * g});
     start(*s, c, std::vector<Real>(3), {o[0], o[1], o[2]});
     s->particles().accepted(0, s->state().x().data(), s->state().v().data(), 0);
   }

@@ -57,7 +57,7 @@ struct Led {
   Real energy() { return s->particles().field().energy(view()); }
 };
 
-SphereWallContact<> at_wall(const SurfaceFriction& surface) { return {stiff, surface}; }
+SphereWallContact at_wall(const SurfaceFriction& surface) { return {stiff, surface}; }
 
 /// The floor z = 0, and a tube round z, in the frame of the wall; spheres that overlap them by 0.15.
 Walls<3> floor(const Motion<3>& motion = {}) {
@@ -146,7 +146,7 @@ TEST_CASE("balls at walls four at a time have the forces of each by itself bit f
                              : Vector(rotation(Real(m), {0, 0, 1}) * (m % 3 == 0 ? others[1] : Vector(0.8, 0, 0.8)));
         if (kind == "at rest with a solid") walls.add(Solid<3>::half_space({0, 0, 0.1}, {0, 0, 1}));
       }
-      const SphereWallContact<> term = at_wall(weak);
+      const SphereWallContact term = at_wall(weak);
       Led led(places, walls, term);
       for (std::size_t k = 0; k < led.v.size(); ++k) led.v[k] = std::sin(Real(k + n)) * (k % 2 == 0 ? 1 : 0.02);
       for (int step = 0; step < 5; ++step) {
@@ -163,8 +163,8 @@ TEST_CASE("balls at walls four at a time have the forces of each by itself bit f
       const auto into = [&](std::vector<Real>& f) { return Scatter<3, 1>{f.data(), {}, f.data() + 3 * n}; };
       term.add_forces(view, all, table, workspace, into(found));
       const auto one = into(single);
-      SphereWallContact<>::Touch c;
-      const ContactWorkspace::Next<SphereWallContact<>::history, true> next(table, workspace);
+      SphereWallContact::Touch c;
+      const ContactWorkspace::Next<SphereWallContact::history, true> next(table, workspace);
       for (Index e = all.first; e < all.last; ++e) {
         if (!term.find(view, e, table.current(e), c)) continue;
         REQUIRE(!table.current(e).empty());
@@ -263,7 +263,7 @@ TEST_CASE("a ball breaks away from a wall at the static limit and slides on at t
 
 TEST_CASE("a ball breaks away from another at the static limit and slides on at the dynamic one") {
   constexpr SurfaceFriction rough{.mu_static = 0.5, .mu_dynamic = 0.3};
-  Led balls({Vector::Zero(), Vector(0, 0.9, 0)}, {}, SphereContact<>{stiff, rough});
+  Led balls({Vector::Zero(), Vector(0, 0.9, 0)}, {}, SphereContact{stiff, rough});
   const Real limit = stiff * 0.1 * 0.9 * radius;  // N d/(R_i + R_j) R_i of a torque
   Real most = 0;
   for (int k = 1; k <= 4000; ++k) {
@@ -327,7 +327,7 @@ TEST_CASE("a ball that plugs an orifice conserves energy, and comes to rest with
 }
 
 TEST_CASE("a ball with friction that plugs an orifice slows down below the speed that counts as rest") {
-  Plug rough(cone, 1.35, SphereWallContact<>{1e4, {.mu_static = 0.3, .mu_dynamic = 0.3, .damping = 0.3}});
+  Plug rough(cone, 1.35, SphereWallContact{1e4, {.mu_static = 0.3, .mu_dynamic = 0.3, .damping = 0.3}});
   for (int k = 0; k < 60000; ++k) rough.s->step();
   CHECK(rough.kinetic() < square(1e-3) / 2 * rough.s->topology().mass(0));  // only by friction and damping
 }

@@ -36,7 +36,7 @@ std::unique_ptr<Simulation<2>> make_simulation(const Ranks& ranks) {
   constexpr SurfaceFriction rough{.mu_static = 0.3, .mu_dynamic = 0.2, .damping = 0.1};
   return simulation_of<2>(pile(), Sorting::regularly, ranks, nullptr, PairContact<2>{epsilon, "pair"},
                           TangentialSpring{400, 0.4, epsilon}, WallContact<2>{epsilon}, WallSpring{400, 0.4, epsilon},
-                          SpinDrag<2>{0.01}, disk_pairs(epsilon, rough), DiskWallContact<>{epsilon, rough},
+                          SpinDrag<2>{0.01}, disk_pairs(epsilon, rough), DiskWallContact{epsilon, rough},
                           BaseFriction{.gravity = 1, .mu_static = 0.3, .mu_dynamic = 0.2, .epsilon = 100});
 }
 

@@ -112,9 +112,9 @@ TEST_CASE("what disks of a hopper are made of", "[options]") {
   const auto coefficients = [](const SurfaceFriction& f) {
     return std::array{f.mu_static, f.mu_dynamic, f.stiffness, f.damping, f.tangential_damping};
   };
-  using Pair = DiskContact<HarmonicOverlap>;
-  using Wall = DiskWallContact<HarmonicOverlap>;
-  const std::array standard{0.4, 0.4, SurfaceFriction().stiffness, damping_for<HarmonicOverlap>(0.5),
+  using Pair = DiskContact;
+  using Wall = DiskWallContact;
+  const std::array standard{0.4, 0.4, SurfaceFriction().stiffness, damping_for(ContactLaw::harmonic, 0.5),
                             SurfaceFriction().tangential_damping};
   CHECK(coefficients(usual.model.term(Pair{}).surface) == standard);
   CHECK(coefficients(usual.model.term(Wall{}).surface) == standard);
@@ -149,8 +149,8 @@ TEST_CASE("what disks of a hopper are made of", "[options]") {
   CHECK(p.drag() == 0.05);
   CHECK(p.model.choice(Role::contact_law) == "hertz");
   CHECK(coefficients(p.model.term(Pair{}).surface) ==
-        std::array{0.9, 0.8, 0.2, damping_for<HarmonicOverlap>(0.3), 0.1});
-  CHECK(coefficients(wall.surface) == std::array{0.7, 0.6, 0.2, damping_for<HarmonicOverlap>(0.3), 0.1});
+        std::array{0.9, 0.8, 0.2, damping_for(ContactLaw::harmonic, 0.3), 0.1});
+  CHECK(coefficients(wall.surface) == std::array{0.7, 0.6, 0.2, damping_for(ContactLaw::harmonic, 0.3), 0.1});
   CHECK(p.model.option(Role::contact_energy) == "-e_disk");
 
   // The dynamic coefficient is the static one of the same surfaces.
@@ -288,7 +288,7 @@ TEST_CASE("what differs from the printed model reaches the model, and nothing do
   CHECK(p.term(WallContact<2>{}).thickness == 0);
   CHECK(p.term(Area{}).form == AreaEnergy::absolute);
   CHECK(p.term(Bending{}).edges == EdgeVectors::unit);
-  CHECK(p.term(EdgeContact<>{}).force == EdgeForce::single);
+  CHECK(p.term(EdgeContact{}).force == EdgeForce::single);
   CHECK(printed.counting == Counting::crossing);
   CHECK(!printed.removal_depth);
   CHECK(printed.reinsertion.gap == 0);
@@ -324,7 +324,7 @@ TEST_CASE("what differs from the printed model reaches the model, and nothing do
   CHECK(q.term(WallContact<2>{}).thickness == 0.2);
   CHECK(q.term(Area{}).form == AreaEnergy::relative);
   CHECK(q.term(Bending{}).edges == EdgeVectors::full);
-  CHECK(q.term(EdgeContact<>{}).force == EdgeForce::twofold);
+  CHECK(q.term(EdgeContact{}).force == EdgeForce::twofold);
   CHECK(run.counting == Counting::removal);
   CHECK(run.removal_depth == 2.5);
   CHECK(run.reinsertion.gap == 0.8);

@@ -24,10 +24,9 @@ struct Slope {
   Real max_rate(const Topology&) const { return 0; }
 };
 
-template <class Law = HarmonicOverlap>
-auto disk_pairs(Real epsilon, const SurfaceFriction& surface) {
-  return Fused<DiskKernel, PairContact<2, Law>, DiskContact<Law>>(PairContact<2, Law>{epsilon, "pair"},
-                                                                  DiskContact<Law>{epsilon, surface});
+inline auto disk_pairs(Real epsilon, const SurfaceFriction& surface, ContactLaw law = ContactLaw::harmonic) {
+  return Fused<DiskKernel, PairContact<2>, DiskContact>(PairContact<2>{epsilon, "pair", law},
+                                                        DiskContact{epsilon, surface, law});
 }
 
 /// Contacts at the start have a history.

@@ -138,8 +138,8 @@ TEST_CASE("lips that move do work on edges") {
   WallParts tip;
   Obstacle{{{-0.4, -2}, {0.6, -2}, {0.1, -0.12}}}.add_to(tip);
   c.walls.add(tip, {.velocity = {0.3, 0.5}, .spin = 0.4, .pivot = {0.5, -1.5}});
-  const auto field = alone<2>(WallContact<2>{50}, LipContact<>{50});
-  ParticleSystem<2> system(c.topology, c.walls, alone<2>(WallContact<2>{50}, LipContact<>{50}), 0.3);
+  const auto field = alone<2>(WallContact<2>{50}, LipContact{50});
+  ParticleSystem<2> system(c.topology, c.walls, alone<2>(WallContact<2>{50}, LipContact{50}), 0.3);
   const auto energy = [&](Real t) { return field->energy(system.view(c.x.data(), c.v.data(), t)); };
   const Real h = 1e-5, power = wall_power(*field, system.view(c.x.data(), c.v.data(), 0));
   CHECK(power > 1);

@@ -164,7 +164,7 @@ ordered_json results(const EvaluatedCase<D>& c, const std::string& file) {
   Neighbours<D> neighbours(model->needs(), 0);
   neighbours.rebuild(c.topology, c.walls, c.x.data());
   const StateView<D> s{c.x.data(), c.v.data(), c.topology, neighbours, c.walls};
-  check_directions(s, configured(parameters, LipContact<>{}).with_edges, file);
+  check_directions(s, configured(parameters, LipContact{}).with_edges, file);
 
   ordered_json energy = ordered_json::object(), force = ordered_json::object();
   for (const TermReport& term : model->report(s)) {
@@ -281,7 +281,7 @@ ordered_json evaluate(const json& document, const std::string& file, std::string
   }
   const EvaluatedCase<2> c = read_polygons(inputs, model);
   if (model.kind == ModelKind::smooth ||
-      (model.kind == ModelKind::rough && configured(model.parameters, EdgeContact<>{0, Edges::bare}).on))
+      (model.kind == ModelKind::rough && configured(model.parameters, EdgeContact{0, Edges::bare}).on))
     check_crossing(c, file);
   return results(c, file);
 }

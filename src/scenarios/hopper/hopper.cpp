@@ -130,7 +130,7 @@ class HopperProtocol final : public Protocol<D> {
       if (p_.has_barrier())
         outlines_ = integrator->explicit_fixed_step()
                         ? CrossingWatch(steps_.least_distances(integrator->next_dt()), integrator->next_dt())
-                        : CrossingWatch({.walls = p_.model.term(LipContact<>{}).with_edges ? 0.0 : -1.0}, 0);
+                        : CrossingWatch({.walls = p_.model.term(LipContact{}).with_edges ? 0.0 : -1.0}, 0);
     outlines_.set_self_crossing(self_crossing_watch());
     return integrator;
   }
@@ -409,7 +409,7 @@ class HopperProtocol final : public Protocol<D> {
   Passage<D> passage() const { return {state().x().data(), topology(), *p_.container, particles().walls()}; }
 
   NumericalError through_wall(Index id, const std::array<Real, D>& at, std::string_view how) const {
-    const bool enters = D == 2 && deformable() && !p_.model.term(LipContact<>{}).with_edges;
+    const bool enters = D == 2 && deformable() && !p_.model.term(LipContact{}).with_edges;
     return NumericalError(
         "particle {} has {}, at ({:.3f}): it went through a wall; {}{} or {}", id, how, fmt::join(at, ", "),
         enters ? fmt::format("use {} edge, as lips enter edges without, ", p_.model.option(Role::lip_rule)) : "",

@@ -37,8 +37,8 @@ HopperSteps hopper_steps(const HopperOptions& p, const Topology& all, const Forc
   // inertia as 1/d².
   const Real elastic = critical.elastic, drag_limit = one_contact;
   const Real unit = BarrierOverlap::stiff_distance / 2,
-             outlines = p.model.term(EdgeContact<BarrierOverlap>{}).max_rate(all),
-             walls = p.model.term(WallContact<2, BarrierOverlap>{}).max_rate(all);
+             outlines = p.model.term(EdgeContact{.law = ContactLaw::barrier}).max_rate(all),
+             walls = p.model.term(WallContact<2>{.law = ContactLaw::barrier}).max_rate(all);
   const bool overdamped = p.dynamics == Dynamics::overdamped;
   steps.least_distances = [=](Real dt) {
     const Real factor = unit * (overdamped ? elastic * std::sqrt(dt / drag_limit) : dt);
