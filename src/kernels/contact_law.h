@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <stdexcept>
 #include <string_view>
 #include <type_traits>
 
@@ -164,11 +165,14 @@ struct LinearOverlap {
   }
 };
 
-/// visit(law) for the type of these that has the kind, the last one if no other has it; its members have no values.
+/// visit(law) for the type of these that has the kind; its members have no values. std::logic_error if none has it.
 template <class First, class... Others, class Visit>
 decltype(auto) with_law(ContactLaw kind, Visit&& visit) {
-  if constexpr (sizeof...(Others) > 0)
+  if constexpr (sizeof...(Others) > 0) {
     if (kind != First::kind) return with_law<Others...>(kind, visit);
+  } else if (kind != First::kind) {
+    throw std::logic_error("a contact law that this term does not have");
+  }
   return visit(First{});
 }
 /// The same for all types above.
