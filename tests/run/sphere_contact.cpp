@@ -54,8 +54,7 @@ struct Collision {
     c.add_soft(1.4, turn * Vector(0, 1.2 + 1e-9, 0));
     const Vector w = turn * v + drift, s = turn * spin;
     c.v = {w[0], w[1], w[2], drift[0], drift[1], drift[2]};
-    auto run =
-        simulation_of<3>(c, Sorting::never, Ranks(), std::make_unique<FixedStepVerlet>(2e-4), ball_pairs<>(rough));
+    auto run = simulation_of<3>(c, Sorting::never, Ranks(), std::make_unique<FixedStepVerlet>(2e-4), ball_pairs(rough));
     start(*run, c, std::vector<Real>(6), {s[0], s[1], s[2], 0, 0, 0});
     run->advance(0.2);
     CHECK(run->particles().history().of("sphere_contact").contacts().keys.empty());
@@ -78,7 +77,7 @@ struct Crowd {
   }
   std::unique_ptr<Simulation<3>> simulation(Real dt = 5e-4, Sorting sorting = Sorting::never,
                                             const Ranks& ranks = Ranks()) const {
-    auto s = simulation_of<3>(c, sorting, ranks, std::make_unique<FixedStepVerlet>(dt), ball_pairs<>(rough),
+    auto s = simulation_of<3>(c, sorting, ranks, std::make_unique<FixedStepVerlet>(dt), ball_pairs(rough),
                               WallContact<3>{epsilon}, SphereWallContact{epsilon, rough});
     start(*s, c, angles, spins);
     s->particles().accepted(0, s->state().x().data(), s->state().v().data(), 0);
@@ -301,7 +300,7 @@ TEST_CASE("balls that stick to each other are integrated at second order, howeve
     c.add_soft(1.4, {0, 1.15, 0});
     c.v = {0.3, 0, 0.1, 0, 0, 0};
     auto s = simulation_of<3>(c, Sorting::never, Ranks(), std::make_unique<FixedStepVerlet>(dt),
-                              ball_pairs<>({.mu_static = 10, .mu_dynamic = 10}));
+                              ball_pairs({.mu_static = 10, .mu_dynamic = 10}));
     start(*s, c, std::vector<Real>(6), {1, 3, -2, 0.5, 4, 1});
     s->particles().accepted(0, s->state().x().data(), s->state().v().data(), 0);
     s->advance(0.04);
@@ -324,7 +323,7 @@ TEST_CASE("the spring between balls that turn as one body turns with them") {
   c.add_soft(1, Vector::Zero());
   c.add_soft(1, {0, 0.99, 0});
   const auto s = simulation_of<3>(c, Sorting::never, Ranks(), std::make_unique<FixedStepVerlet>(1e-3),
-                                  ball_pairs<>({.mu_static = 1e6, .mu_dynamic = 1e6}));
+                                  ball_pairs({.mu_static = 1e6, .mu_dynamic = 1e6}));
   start(*s, c, std::vector<Real>(6), std::vector<Real>(6));
   std::vector<Real> x(s->state().x().begin(), s->state().x().end()), v(12), f(12);
   const auto accept = [&] { s->particles().accepted(0, x.data(), v.data(), 1e-3); };
