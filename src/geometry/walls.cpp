@@ -176,6 +176,23 @@ bool Walls<D>::has_foot(const Vec<2>& p, Index part) const {
   return along(before_[part]) >= parts_[before_[part]].length;
 }
 
+template <int D>
+void Walls<D>::nearest(const Vec<D>& r, Index part, Real t, Real& d, Vec<D>& n) const {
+  if (is_solid(part)) {
+    const WallFoot<D> at = foot(r, part, t);
+    d = at.d;
+    n = at.n;
+    return;
+  }
+  const Pose<D> pose = pose_of(part, t);
+  const Vec<D> b = pose.back(r);
+  const Vec<2> p = meridian(b);
+  const Vec<2> q = offset(seen(p, parts_[part]), parts_[part]);
+  d = q.norm();
+  n = pose.direction(lift(b, p, direction<2>(q, d), parts_[part]));
+  d -= parts_[part].radius;
+}
+
 template Index Walls<2>::add(const WallParts&, const Motion<2>&, const Pose<2>&, Index);
 template Index Walls<3>::add(const WallParts&, const Motion<3>&, const Pose<3>&, Index);
 template Index Walls<2>::add(const Solid<2>&, const Motion<2>&, const Pose<2>&, Index);
@@ -184,5 +201,7 @@ template void Walls<2>::set_motion(Index, const Motion<2>&);
 template void Walls<3>::set_motion(Index, const Motion<3>&);
 template bool Walls<2>::has_foot(const Vec<2>&, Index) const;
 template bool Walls<3>::has_foot(const Vec<2>&, Index) const;
+template void Walls<2>::nearest(const Vec<2>&, Index, Real, Real&, Vec<2>&) const;
+template void Walls<3>::nearest(const Vec<3>&, Index, Real, Real&, Vec<3>&) const;
 
 }  // namespace pliant

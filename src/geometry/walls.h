@@ -252,21 +252,7 @@ class Walls {
 
   /// Distance with its gradient, for forces. n is zero on a segment without radius; a unit vector elsewhere,
   /// but near the axis of revolution.
-  void nearest(const Vec<D>& r, Index part, Real t, Real& d, Vec<D>& n) const {
-    if (is_solid(part)) {
-      const WallFoot<D> at = foot(r, part, t);
-      d = at.d;
-      n = at.n;
-      return;
-    }
-    const Pose<D> pose = pose_of(part, t);
-    const Vec<D> b = pose.back(r);
-    const Vec<2> p = meridian(b);
-    const Vec<2> q = offset(seen(p, parts_[part]), parts_[part]);
-    d = q.norm();
-    n = pose.direction(lift(b, p, direction<2>(q, d), parts_[part]));
-    d -= parts_[part].radius;
-  }
+  void nearest(const Vec<D>& r, Index part, Real t, Real& d, Vec<D>& n) const;
 
   /// The contact with a part at time t of a point at r that is nearer than the contact distance `reach`. Returns false
   /// if there is no contact, for a point on a segment without radius, and if another part of the surface carries the
