@@ -15,7 +15,7 @@ if ! command -v clang++-14 >/dev/null || ! compgen -G "/usr/lib/llvm-14/lib/clan
   say "clang-14 or libclang-rt-14-dev is missing: nothing is fuzzed"
   exit 77
 fi
-[[ -e $build/src/libpliant_scenarios.a ]] || die "$build has no libraries; run scripts/build.sh first"
+[[ -e $build/src/libpliant_base.a ]] || die "$build has no libraries; run scripts/build.sh first"
 mkdir -p "$work"
 
 # The readers are instrumented; all else comes from the ordinary build.
