@@ -2,6 +2,8 @@
 #include <pliant/kernels/pair_forces.h>
 #include <pliant/kernels/scatter.h>
 
+#include <stdexcept>
+
 namespace pliant {
 namespace {
 
@@ -130,6 +132,8 @@ PLIANT_INLINE void add(const PairLaw& law, std::span<const Pair> pairs, const Re
 template <int D>
 void add_pair_forces(const PairLaw& law, std::span<const Pair> pairs, const Real* reach, Sides sides, const Real* x,
                      const Real* v, Real* f) {
+  if (law.contact == ContactLaw::barrier || law.contact == ContactLaw::spring)
+    throw std::logic_error("add_pair_forces has neither the barrier nor the spring");
   simd::run_fast([&]() PLIANT_INLINE_LAMBDA { add<D>(law, pairs, reach, sides, x, v, f); });
 }
 template void add_pair_forces<2>(const PairLaw&, std::span<const Pair>, const Real*, Sides, const Real*, const Real*,

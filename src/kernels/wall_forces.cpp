@@ -104,6 +104,8 @@ PLIANT_INLINE void add(WallLaw law, std::span<const Pair> pairs, const WallSegme
     add_all<D, HertzOverlap, plain>(law, pairs, walls, diameter, x, f);
   else if (law.contact == ContactLaw::linear)
     add_all<D, LinearOverlap, plain>(law, pairs, walls, diameter, x, f);
+  else if (law.contact == ContactLaw::spring)
+    add_all<D, SpringOverlap, plain>(law, pairs, walls, diameter, x, f);
   else
     add_all<D, HarmonicOverlap, plain>(law, pairs, walls, diameter, x, f);
 }

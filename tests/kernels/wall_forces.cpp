@@ -74,7 +74,8 @@ struct Room {
 
 TEMPLATE_TEST_CASE_SIG("wall forces are those of the element form", "", ((int D), D), 2, 3) {
   Random random(11 + D);
-  const ContactLaw law = GENERATE(ContactLaw::harmonic, ContactLaw::hertz, ContactLaw::barrier, ContactLaw::linear);
+  const ContactLaw law =
+      GENERATE(ContactLaw::harmonic, ContactLaw::hertz, ContactLaw::barrier, ContactLaw::spring, ContactLaw::linear);
   const bool plain = GENERATE(true, false);
   CAPTURE(plain);
   for (int trial = 0; trial < 10; ++trial) {
