@@ -1,5 +1,7 @@
 #include <pliant/base/ranks.h>
 
+#include <cstring>
+
 namespace pliant {
 
 void Ranks::together(const std::function<void()>& body) const {

@@ -9,9 +9,9 @@
 
 namespace pliant {
 
-/// Approximate minimum degree: the place of each of n blocks in an order in which the factors of a matrix have few
-/// blocks. below: the row and the column, or the column and the row, of each of its blocks beside the diagonal; a place
-/// may occur several times.
+/// An order of the n rows of blocks of a symmetric matrix in which its factors have few blocks, by approximate minimum
+/// degree. Returns the place of each row in this order. below: row and column of each block on one side of the
+/// diagonal; blocks may be listed on either side, and several times.
 std::vector<Index> order_with_few_blocks(Index n, std::span<const std::array<Index, 2>> below);
 
 /// L with L Lᵀ = A for a symmetric positive definite matrix A of n · n blocks of D · D numbers, most of which are zero,

@@ -188,10 +188,7 @@ struct Overlap {
 
   bool touches(Real d) const { return d < delta; }
   Real value(Real d) const;
-  /// Here, because loops over contacts with walls that move, or with thickness, call it in each step.
-  Real slope(Real d) const {
-    return with_law(kind, [&]<class Law>(Law) { return Law{epsilon, delta}.slope(d); });
-  }
+  Real slope(Real d) const;
   Real curvature(Real d) const;
   static Real stiffness(ContactLaw kind);
   static Real scale(ContactLaw kind, Real delta);

@@ -138,7 +138,8 @@ bool parse_arguments(const std::string& scenario, Options& options, const Argume
 }
 
 /// Runs a scenario of this name, new or continued, and writes its folder. p is bound to `options`, which are stored
-/// with the run.
+/// with the run. Returns done, or stopped if a checkpoint was written and the same command resumes. Errors: InputError
+/// before any work; NumericalError and OutputError with all earlier data intact. Collective.
 ExitCode run_alone(const std::string& scenario, ScenarioParameters& parameters, Options& options, const Ranks& ranks) {
   RunOptions& p = parameters.run_options();
   if (!p.ensemble_over.empty())
