@@ -13,9 +13,6 @@ Real of_law(const Overlap& v, Of&& of) {
 Real Overlap::value(Real d) const {
   return of_law(*this, [&](const auto& law) { return law.value(d); });
 }
-Real Overlap::slope(Real d) const {
-  return of_law(*this, [&](const auto& law) { return law.slope(d); });
-}
 Real Overlap::curvature(Real d) const {
   return of_law(*this, [&](const auto& law) { return law.curvature(d); });
 }

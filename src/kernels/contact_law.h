@@ -188,7 +188,10 @@ struct Overlap {
 
   bool touches(Real d) const { return d < delta; }
   Real value(Real d) const;
-  Real slope(Real d) const;
+  /// Here, because contacts with lips and with walls that move compute it in each step.
+  Real slope(Real d) const {
+    return with_law(kind, [&]<class Law>(Law) { return Law{epsilon, delta}.slope(d); });
+  }
   Real curvature(Real d) const;
   static Real stiffness(ContactLaw kind);
   static Real scale(ContactLaw kind, Real delta);

@@ -18,12 +18,12 @@ namespace pliant {
 namespace {
 
 std::vector<Index> shuffled(Index n, std::uint64_t seed) {
-  std::vector<Real> key(n);
-  for (Index i = 0; i < n; ++i) key[i] = rng::uniform(seed, stream::size_order, i);
+  std::vector<Real> draw(n);
+  for (Index i = 0; i < n; ++i) draw[i] = rng::uniform(seed, stream::size_order, i);
   std::vector<Index> order(n);
   std::iota(order.begin(), order.end(), 0);
   std::sort(order.begin(), order.end(),
-            [&](Index a, Index b) { return key[a] < key[b] || (key[a] == key[b] && a < b); });
+            [&](Index a, Index b) { return draw[a] < draw[b] || (draw[a] == draw[b] && a < b); });
   return order;
 }
 
