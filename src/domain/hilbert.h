@@ -4,13 +4,15 @@
 #include <array>
 #include <cstdint>
 
+#include <pliant/base/multiversion.h>
+
 namespace pliant {
 
 /// Key of a cell of a grid with 2^bits cells per side; D · bits ≤ 64. Neighbouring keys are neighbouring cells. By the
 /// transpose of J. Skilling, AIP Conf. Proc. 707, 381 (2004): undo the curve's turns from the coarsest bit to the
 /// finest, then read the bits of all axes in turn as one Gray code.
 template <int D>
-std::uint64_t hilbert_key(std::array<std::uint32_t, D> cell, int bits) {
+PLIANT_INLINE std::uint64_t hilbert_key(std::array<std::uint32_t, D> cell, int bits) {
   const std::uint32_t top = std::uint32_t(1) << (bits - 1);
   for (std::uint32_t bit = top; bit > 1; bit >>= 1) {
     const std::uint32_t below = bit - 1;

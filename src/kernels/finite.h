@@ -2,7 +2,6 @@
 #pragma once
 
 #include <bit>
-#include <cstddef>
 #include <cstdint>
 
 #include <pliant/base/types.h>
@@ -22,18 +21,5 @@ class FiniteCheck {
  private:
   std::uint64_t bits_ = 0;
 };
-
-/// Index of the first inf or NaN in a[n]; n if there is none.
-inline std::size_t first_non_finite(const Real* a, std::size_t n) {
-  FiniteCheck check;
-  for (std::size_t i = 0; i < n; ++i) check.add(a[i]);
-  if (check.all_finite()) return n;
-  for (std::size_t i = 0; i < n; ++i) {
-    FiniteCheck one;
-    one.add(a[i]);
-    if (!one.all_finite()) return i;
-  }
-  return n;
-}
 
 }  // namespace pliant

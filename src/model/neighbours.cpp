@@ -9,8 +9,8 @@
 #include <pliant/base/large_pages.h>
 #include <pliant/base/parallel_errors.h>
 #include <pliant/geometry/simplex_distance.h>
+#include <pliant/kernels/arrays.h>
 #include <pliant/kernels/edge_forces.h>
-#include <pliant/kernels/finite.h>
 #include <pliant/kernels/verlet.h>
 
 namespace pliant {

@@ -6,6 +6,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include <pliant/kernels/arrays.h>
+
 namespace pliant {
 
 Real EnergyBudget::scale() const {
@@ -199,18 +201,16 @@ template <int D>
 typename EnergyAudit<D>::Rates EnergyAudit<D>::rates(At at) {
   const ParticleSystem<D>& particles = simulation_->particles();
   const State& state = simulation_->state();
-  std::array<Real, 2> sums{};  // power, kinetic energy
   const std::size_t n = state.size();
   const bool known = predicted_.size() == n;
   const StateView<D> s = view(known ? predicted_.data() : state.v().data(), at);
-  std::vector<Real> force(static_cast<std::size_t>(s.topology.points()) *
-                          static_cast<std::size_t>(particles.coordinates().all()));
-  particles.field().dissipative_forces(s, force.data());
-  for (std::size_t k = 0; k < n; ++k) sums[0] -= force[k] * state.v()[k];
+  force_.resize(static_cast<std::size_t>(s.topology.points()) *
+                static_cast<std::size_t>(particles.coordinates().all()));
+  particles.field().dissipative_forces(s, force_.data());
   StateView<D> own = s;
   own.v = state.v().data();
   if (own.spins != nullptr) own.spins = particles.rotations_in(state.v()).data();
-  sums[1] = kinetic_energy(own);
+  std::array<Real, 2> sums{-dot(force_.data(), state.v().data(), n), kinetic_energy(own)};
   simulation_->ranks().sum(sums);
   return {sums[0], sums[1]};
 }

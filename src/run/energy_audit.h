@@ -177,6 +177,7 @@ class EnergyAudit {
   Real largest_ = 0;               ///< kinetic energy
   SampledIntegral heat_;           ///< heat of drag and of friction without history
   std::vector<Real> predicted_;    ///< velocities that the forces at the end of the next step see
+  std::vector<Real> force_;        ///< of the sampled heat, in use while rates() computes it
   struct Energies {
     Real kinetic;
     std::optional<Real> potential;

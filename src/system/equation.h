@@ -7,7 +7,7 @@
 #include <vector>
 
 #include <pliant/base/ranks.h>
-#include <pliant/kernels/finite.h>
+#include <pliant/kernels/arrays.h>
 #include <pliant/kernels/prefetch.h>
 
 namespace pliant {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include <pliant/base/errors.h>
-#include <pliant/kernels/finite.h>
+#include <pliant/kernels/arrays.h>
 #include <pliant/model/chunks.h>
 
 namespace pliant {

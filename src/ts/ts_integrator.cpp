@@ -13,7 +13,7 @@
 
 #include <pliant/base/cure.h>
 #include <pliant/base/petsc_views.h>
-#include <pliant/kernels/finite.h>
+#include <pliant/kernels/arrays.h>
 #include <pliant/system/particle_pc.h>
 #include <pliant/ts/sundials/sundials.h>
 #include <pliant/ts/ts_verlet.h>

@@ -8,6 +8,7 @@
 #include <pliant/base/cure.h>
 #include <pliant/base/errors.h>
 #include <pliant/base/large_pages.h>
+#include <pliant/kernels/arrays.h>
 #include <pliant/kernels/verlet.h>
 
 namespace pliant {
