@@ -1,6 +1,5 @@
 #include <pliant/jamming/block_cholesky.h>
 
-#include <Eigen/Cholesky>
 #include <Eigen/OrderingMethods>
 #include <Eigen/SparseCore>
 #include <algorithm>
@@ -9,6 +8,33 @@
 #include <numeric>
 
 namespace pliant {
+namespace {
+
+/// The inverse of the Cholesky factor of a; false if a is not positive definite. Not by Eigen, whose factors of
+/// matrices of any size take long to compile.
+template <int D>
+bool invert_factor(const Mat<D>& a, Mat<D>& inverse) {
+  Mat<D> factor;
+  inverse.setZero();
+  for (int i = 0; i < D; ++i) {
+    for (int j = 0; j <= i; ++j) {
+      Real sum = 0;
+      for (int k = 0; k < j; ++k) sum += factor(i, k) * factor(j, k);
+      const Real rest = a(i, j) - sum;
+      if (i == j && !(rest > 0)) return false;
+      factor(i, j) = i == j ? std::sqrt(rest) : rest / factor(j, j);
+    }
+    const Real part = 1 / factor(i, i);
+    for (int j = 0; j <= i; ++j) {
+      Real rest = i == j;
+      for (int k = j; k < i; ++k) rest -= factor(i, k) * inverse(k, j);
+      inverse(i, j) = rest * part;
+    }
+  }
+  return true;
+}
+
+}  // namespace
 
 std::vector<Index> order_with_few_blocks(Index n, std::span<const std::array<Index, 2>> below) {
   Eigen::SparseMatrix<Real> graph(n, n);
@@ -91,9 +117,7 @@ bool BlockCholesky<D>::factorise(std::span<const Mat<D>> diagonal, std::span<con
       for (Index p = place + 1; p < start_[earlier + 1]; ++p) work_[row_[p]].noalias() -= below_[p] * factor;
       if (!last_.empty()) last_[j].noalias() -= below_[place] * last_[earlier];
     }
-    const Eigen::LLT<Mat<D>> factors(own);
-    if (factors.info() != Eigen::Success) return false;
-    inverse_[j] = factors.matrixL().solve(Mat<D>::Identity());
+    if (!invert_factor<D>(own, inverse_[j])) return false;
     const Mat<D> factor = inverse_[j].transpose();
     for (Index p = start_[j]; p < start_[j + 1]; ++p) {
       below_[p].noalias() = work_[row_[p]] * factor;

@@ -170,7 +170,7 @@ Modes modes(ParticleSystem<D>& system, std::span<const Real> x, const ModesOptio
   found.zero = static_cast<Index>((found.eigenvalues.array().abs() <= found.zero_limit).count());
   found.unstable = static_cast<Index>((found.eigenvalues.array() < -found.zero_limit).count());
   const Eigen::MatrixXd left = h.matrix() * found.vectors - found.vectors * found.eigenvalues.asDiagonal();
-  found.residual = bound > 0 ? left.colwise().norm().maxCoeff() / bound : 0;
+  found.residual = bound > 0 ? largest_column(left) / bound : 0;
   found.participation = participation_ratios<D>(topology, found);
   return found;
 }

@@ -157,14 +157,14 @@ Moduli<D> moduli(ParticleSystem<D>& system, std::span<const Real> x, PreStress p
 
   SemidefiniteSolver<D> solver(h, relative_shift * bound);
   const StrainDerivatives<D>& strain = h.strain();
-  Eigen::Matrix<Real, Eigen::Dynamic, D * D> u(h.size(), D * D);
+  Eigen::MatrixXd u(h.size(), D * D);
   // Where symmetry makes all forces vanish, they are rounding errors of sums of large products.
   const Real rounding = 100 * std::numeric_limits<Real>::epsilon() * bound * system.box().length().maxCoeff() *
                         std::sqrt(static_cast<Real>(h.size()));
-  const Real scale = strain.mixed.colwise().norm().maxCoeff(), floor = std::max(relative_tolerance * scale, rounding);
+  const Real scale = largest_column(strain.mixed), floor = std::max(relative_tolerance * scale, rounding);
   for (int k = 0; k < D * D; ++k) u.col(k) = -solver.solve(strain.mixed.col(k), floor);
-  const Eigen::Matrix<Real, Eigen::Dynamic, D* D> hu = h.matrix() * u;
-  const Real left = (hu + strain.mixed).colwise().norm().maxCoeff();
+  const Eigen::MatrixXd hu = h.matrix() * u;
+  const Real left = largest_column(hu + strain.mixed);
   // In a crystal these forces come from the rest of the forces in the minimum, amplified by soft modes.
   const Real noise = 100 * rounding;
   m.residual = scale > noise ? left / scale : 0;

@@ -51,7 +51,7 @@ struct BlockValues final : BlockSink<D> {
   std::vector<Real>& values;
   const Real* x;
   /// Of all points: for a row of the system, and for the position of the image.
-  typename StrainDerivatives<D>::ByCoordinates mixed;
+  Eigen::MatrixXd mixed;
 
   BlockValues(const std::vector<Index>& rows_of_all, const std::vector<PetscInt>& starts,
               const std::vector<PetscInt>& columns, std::vector<Real>& to, const Real* positions)
@@ -72,6 +72,12 @@ struct BlockValues final : BlockSink<D> {
 };
 
 }  // namespace
+
+Real largest_column(const Eigen::MatrixXd& matrix) {
+  Real largest = 0;
+  for (Eigen::Index k = 0; k < matrix.cols(); ++k) largest = std::max(largest, matrix.col(k).norm());
+  return largest;
+}
 
 template <int D>
 Stiffness<D>::Stiffness(ParticleSystem<D>& system, std::span<const Real> x, PreStress pre_stress) {

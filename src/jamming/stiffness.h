@@ -11,15 +11,18 @@
 
 namespace pliant {
 
+/// The largest norm of a column.
+Real largest_column(const Eigen::MatrixXd& matrix);
+
 /// Derivatives of the energy U(x, e) where all particles and the box are strained, r → (1 + e) r, and the coordinates x
 /// move them in addition. Strain e_ab is number a D + b.
 template <int D>
 struct StrainDerivatives {
-  using ByCoordinates = Eigen::Matrix<Real, Eigen::Dynamic, D * D>;
   using Square = Eigen::Matrix<Real, D * D, D * D>;
 
-  ByCoordinates mixed;  ///< ∂²U/∂x∂e_ab, in the rows of Stiffness: the forces by a strain, with the opposite sign
-  Square affine;        ///< ∂²U/∂e_ab∂e_cd at fixed x, where every point follows the strain
+  Eigen::MatrixXd mixed;  ///< [coordinates, D²] ∂²U/∂x∂e_ab, in the rows of Stiffness: the forces by a strain, with
+                          ///< the opposite sign
+  Square affine;  ///< ∂²U/∂e_ab∂e_cd at fixed x, where every point follows the strain
 };
 
 /// The Hessian ∂²U/∂x² of the active particles at one configuration, as a sparse matrix in rows of scalars (CSR). In a

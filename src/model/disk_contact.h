@@ -7,6 +7,7 @@
 #include <pliant/geometry/turn.h>
 #include <pliant/model/pair_contact.h>
 #include <pliant/model/surface_friction.h>
+#include <pliant/model/term_loops.h>
 
 namespace pliant {
 
@@ -164,29 +165,21 @@ struct DiskKernel {
   static constexpr bool fast() { return true; }
   static constexpr bool writes_history = true;
   template <int D, class Friction>
-  [[gnu::flatten]] static void add_forces(const StateView<D>& s, HistoryWorkspace* workspace, Index chunk, Real* f,
-                                          const PairContact<D>& contact, const Friction& friction) {
+  static void add_forces(const StateView<D>& s, HistoryWorkspace* workspace, Index chunk, Real* f,
+                         const PairContact<D>& contact, const Friction& friction) {
+    if (!friction.enabled(s)) return TermLoops<D, PairContact<D>>::add_forces(contact, s, nullptr, chunk, f);
     const PairList& list = s.neighbours.point_pairs;
-    Real* const torques = f + static_cast<std::size_t>(s.topology.owned_points()) * D;
-    const Range inside = list.inside(chunk), across = list.across(chunk), own = s.neighbours.points(chunk);
-    if (!friction.enabled(s)) {
-      Scatter<D, -1> here{f};
-      Scatter<D, -1, true> there{f, own};
-      for (Index e = inside.first; e < inside.last; ++e) contact.add_gradient(s, e, here);
-      for (Index e = across.first; e < across.last; ++e) contact.add_gradient(s, e, there);
-      return;
-    }
+    Real* const torques = torques_in(s, f);
     const auto add = [&](Range range, auto scatter) {
       if (range.size() == 0) return;
-      if constexpr (RangeTerm<Friction, D>)
-        if (workspace != nullptr)
-          return friction.add_forces(s, range, s.history->of(friction.name()), workspace->of(friction.name()), scatter,
-                                     true);
+      if (workspace != nullptr)
+        return friction.add_forces(s, range, s.history->of(friction.name()), workspace->of(friction.name()), scatter,
+                                   true);
       for_each_touch(friction, s, workspace, range, scatter,
                      [&](const auto& c) PLIANT_INLINE_LAMBDA { friction.add_total(s, c, scatter); });
     };
-    add(inside, Scatter<D, 1>{f, {}, torques});
-    add(across, Scatter<D, 1, true>{f, own, torques});
+    add(list.inside(chunk), Scatter<D, 1>{f, {}, torques});
+    add(list.across(chunk), Scatter<D, 1, true>{f, s.neighbours.points(chunk), torques});
   }
 };
 

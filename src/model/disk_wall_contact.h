@@ -199,16 +199,14 @@ struct DiskWallKernel {
   static void add_forces(const StateView<D>& s, HistoryWorkspace* workspace, Index chunk, Real* f,
                          const WallContact<D>& contact, const Friction& friction) {
     if (!friction.enabled(s)) return WallKernel::add_forces(s, chunk, f, contact);
-    Real* const torques = f + static_cast<std::size_t>(s.topology.owned_points()) * D;
-    Scatter<D, 1> force{f, {}, torques};
+    Scatter<D, 1> force{f, {}, torques_in(s, f)};
     Scatter<D, -1> gradient{f};
     // Parts of an outline that touch without carrying the contact press all the same.
     const auto others = [&](Index e) {
       if (!s.walls.plain()) press(contact, s, e, gradient);
     };
     const Range range = s.neighbours.walls.inside(chunk);
-    if constexpr (RangeTerm<Friction, D>)
-      if (workspace != nullptr) return add_steps(s, range, *workspace, force, friction, others);
+    if (workspace != nullptr) return add_steps(s, range, *workspace, force, friction, others);
     for_each_touch(
         friction, s, workspace, range, force,
         [&](const auto& c) PLIANT_INLINE_LAMBDA { friction.add_total(s, c, force); }, others);

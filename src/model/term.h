@@ -301,6 +301,13 @@ class CurrentHistory {
   const ContactTable* table_;
 };
 
+/// The term's find(), compiled once for all loops that no step needs.
+template <int D, HistoryTerm<D> T>
+[[gnu::noinline]] bool find_touch(const T& term, const StateView<D>& s, Index e, std::span<const Real> current,
+                                  typename T::Touch& c) {
+  return term.find(s, e, current, c);
+}
+
 /// Calls visit(touch) for the elements of a range that touch, and others(e) for elements that do not, except some that
 /// are too far apart. With a workspace this is an evaluation of forces, which visit() adds to `force`: the call writes
 /// the next history and the losses. For a RangeTerm, add_forces() writes them instead.
@@ -342,7 +349,7 @@ PLIANT_INLINE void for_each_touch(const T& term, const StateView<D>& s, HistoryW
     }
   const CurrentHistory current(s, term);
   for (Index e = range.first; e < range.last; ++e)
-    if (term.find(s, e, current(e), c))
+    if (find_touch(term, s, e, current(e), c))
       visit(c);
     else
       others(e);

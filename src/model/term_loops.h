@@ -259,7 +259,7 @@ class TermLoops {
       const CurrentHistory current(s, term);
       for_each_element(s, chunk, [&](Index e) {
         typename T::Touch c;
-        sum += find(term, s, e, current(e), c) ? term.power(s, c) : 0;
+        sum += find_touch(term, s, e, current(e), c) ? term.power(s, c) : 0;
       });
     } else {
       for_each_element(s, chunk, [&](Index e) { sum += term.power(s, e); });
@@ -362,7 +362,7 @@ class TermLoops {
         const CurrentHistory current(s, term);
         add([&](Index e) -> Vec<D> {
           typename T::Touch c;
-          return find(term, s, e, current(e), c) ? term.force(s, c) : Vec<D>(Vec<D>::Zero());
+          return find_touch(term, s, e, current(e), c) ? term.force(s, c) : Vec<D>(Vec<D>::Zero());
         });
       }
     }
@@ -376,10 +376,6 @@ class TermLoops {
 
   // Compiled once for all loops that call them: loops that no step needs.
 
-  template <class Touch>
-  [[gnu::noinline]] static bool find(const T& term, const View& s, Index e, std::span<const Real> past, Touch& c) {
-    return term.find(s, e, past, c);
-  }
   [[gnu::noinline]] static void add_virial(const T& term, const View& s, Index e, VirialSum<D>& sum) {
     term.add_gradient(s, e, sum);
   }
@@ -401,7 +397,7 @@ class TermLoops {
       const CurrentHistory current(s, term);
       visit([&](Index e) {
         typename T::Touch c;
-        return find(term, s, e, current(e), c) ? term.energy(s, c) : 0;
+        return find_touch(term, s, e, current(e), c) ? term.energy(s, c) : 0;
       });
     } else {
       visit([&](Index e) { return term.energy(s, e); });
@@ -415,7 +411,7 @@ class TermLoops {
       const CurrentHistory current(s, term);
       visit([&](Index e, auto& sink) {
         typename T::Touch c;
-        if (find(term, s, e, current(e), c)) term.add_force(s, c, sink);
+        if (find_touch(term, s, e, current(e), c)) term.add_force(s, c, sink);
       });
     } else {
       visit([&](Index e, auto& sink) {
