@@ -167,8 +167,10 @@ Modes modes(ParticleSystem<D>& system, std::span<const Real> x, const ModesOptio
     solve_lowest(h.petsc(), bound, number, found);
 
   found.zero_limit = options.zero_threshold * bound;
-  found.zero = static_cast<Index>((found.eigenvalues.array().abs() <= found.zero_limit).count());
-  found.unstable = static_cast<Index>((found.eigenvalues.array() < -found.zero_limit).count());
+  for (const Real value : found.eigenvalues) {
+    if (std::abs(value) <= found.zero_limit) ++found.zero;
+    if (value < -found.zero_limit) ++found.unstable;
+  }
   const Eigen::MatrixXd left = h.matrix() * found.vectors - found.vectors * found.eigenvalues.asDiagonal();
   found.residual = bound > 0 ? largest_column(left) / bound : 0;
   found.participation = participation_ratios<D>(topology, found);
