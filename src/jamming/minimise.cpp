@@ -7,6 +7,7 @@
 #include <pliant/jamming/point_packing.h>
 #include <pliant/model/polygon.h>
 #include <pliant/system/fire.h>
+#include <pliant/system/stress.h>
 
 namespace pliant {
 namespace {
@@ -105,23 +106,23 @@ class Enthalpy {
   /// Energy and force at y; the energy only where it is asked for.
   Real operator()(const Real* y, Real* f, bool with_energy) {
     const std::vector<Real>& x = place(y);
-    const StateView<D> s = system_.view(x.data(), nullptr);
+    StateView<D> s = system_.view(x.data(), nullptr);
+    s.ghosts_feel = s.topology.deformable() && s.neighbours.chunks() == 1;
     Real energy = 0;
     if (with_energy)
       energy = system_.field().energy(s, forces(s));
     else
       system_.field().forces(s, forces(s));
     const Topology& t = system_.topology();
-    Real virial = 0;
-    for (const TermVirial<D>& term : system_.field().virials(s)) virial += term.virial.trace();
-    const Real scale = std::exp(log_length_);
+    on_particles_.resize(static_cast<std::size_t>(t.particles()) * D);
+    for (Index m = 0; m < t.particles(); ++m)
+      point<D>(on_particles_.data(), m) = t.points_of(m) * mean_of_points<D>(force_.data(), t, m);
+    const Real scale = std::exp(log_length_),
+               virial = s.ghosts_feel ? virial_of_centres<D>(s, on_particles_.data()) : virial_of_terms(s);
     for (Index m = 0; m < t.owned(); ++m) {
-      const Vec<D> centre = mean_of_points<D>(x.data(), t, m), mean = mean_of_points<D>(force_.data(), t, m);
-      for (Index i = t.offset[m]; i < t.offset[m + 1]; ++i) {
-        const Vec<D> own = point<D>(force_.data(), i);
-        virial += own.dot(point<D>(x.data(), i) - centre);  // shapes do not follow the box
-        point<D>(f, i) = own + (scale - 1) * mean;
-      }
+      const Vec<D> mean = point<D>(on_particles_.data(), m) / t.points_of(m);
+      for (Index i = t.offset[m]; i < t.offset[m + 1]; ++i)
+        point<D>(f, i) = point<D>(force_.data(), i) + (scale - 1) * mean;
     }
     const Real volume = volume_ * std::pow(scale, D);
     f[x.size()] = -(virial + D * pressure_ * volume) / factor_;
@@ -129,16 +130,30 @@ class Enthalpy {
   }
 
  private:
-  /// Room for the forces on all points.
+  /// Room for the forces on all points, zero on ghosts.
   Real* forces(const StateView<D>& s) {
     force_.resize(static_cast<std::size_t>(s.topology.points()) * D);
+    std::fill(force_.begin() + static_cast<std::ptrdiff_t>(x_.size()), force_.end(), 0);
     return force_.data();
+  }
+
+  /// As virial_of_centres, without the forces on ghosts.
+  Real virial_of_terms(const StateView<D>& s) const {
+    Real virial = 0;
+    for (const TermVirial<D>& term : system_.field().virials(s)) virial += term.virial.trace();
+    const Topology& t = s.topology;
+    for (Index m = 0; m < t.owned(); ++m) {
+      const Vec<D> centre = mean_of_points<D>(s.x, t, m);
+      for (Index i = t.offset[m]; i < t.offset[m + 1]; ++i)
+        virial += point<D>(force_.data(), i).dot(s.position(i) - centre);  // shapes do not follow the box
+    }
+    return virial;
   }
 
   ParticleSystem<D>& system_;
   Real pressure_, volume_ = 0, factor_ = 1, log_length_ = 0;
   Vec<D> origin_;
-  std::vector<Real> x_, force_;
+  std::vector<Real> x_, force_, on_particles_;
 };
 
 /// The result of FIRE after earlier iterations.
@@ -247,9 +262,11 @@ Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const Minimise
     Enthalpy<D> enthalpy(system, *o.pressure);
     std::vector<Real> y(x.begin(), x.end());
     y.push_back(0);
-    if (only_energies) fire_options.force = [&](const Real* at, Real* f) { enthalpy(at, f, false); };
-    result = fire(
-        y, mass, [&](const Real* at, Real* f) { return enthalpy(at, f, true); }, fire_options);
+    // FIRE stops by the force here. Where the model has dissipative terms, too, the energy comes with the forces of the
+    // energy terms alone.
+    const auto evaluate = [&](const Real* at, Real* f) { return enthalpy(at, f, !only_energies); };
+    if (only_energies) fire_options.force = evaluate;
+    result = fire(y, mass, evaluate, fire_options);
     std::ranges::copy(enthalpy.place(y.data()), x.begin());
   } else {
     const std::size_t n = system.positions_in(x).size();
@@ -277,7 +294,8 @@ Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const Minimise
   }
   Minimum<D> minimum = measure_at<D>(system, x, o.t);
   minimum.converged = result.converged;
-  minimum.apart = result.stop == FireStop::energy;
+  minimum.apart =
+      result.stop == FireStop::energy || (!o.pressure && std::abs(minimum.energy) <= o.energy_per_particle * t.owned());
   minimum.reason = std::move(result.reason);
   minimum.iterations = result.iterations;
   minimum.evaluations = result.evaluations;

@@ -54,7 +54,7 @@ struct SimplexKernel {
     if constexpr (!of_faces) law.s0 = contact.s0;
     const PairList& list = s.neighbours.*Kind::list;
     if (list.empty()) return;
-    const Range own = s.neighbours.points(chunk);
+    const Range own = s.pushed(chunk);
     thread_local std::vector<Index> on_rim;
     const auto add = [&](std::span<const SimplexPair> pairs) {
       if constexpr (of_faces)

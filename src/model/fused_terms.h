@@ -80,7 +80,7 @@ struct PairKernel {
                          sides, s.x, s.v, f);
     };
     add_range(list.inside(chunk), Sides::both);
-    add_range(list.across(chunk), Sides::first);
+    add_range(list.across(chunk), s.ghosts_feel ? Sides::both : Sides::first);
   }
 };
 
@@ -127,7 +127,7 @@ struct EdgeKernel {
     const PairList& list = s.neighbours.near_edges();
     const Index* next = s.topology.next.data();
     const auto pairs = [&](Range range) { return std::span(list.pairs).subspan(range.first, range.size()); };
-    const Range inside = list.inside(chunk), across = list.across(chunk), own = s.neighbours.points(chunk);
+    const Range inside = list.inside(chunk), across = list.across(chunk), own = s.pushed(chunk);
     add_edge_forces(law, pairs(inside), list.reach.data() + inside.first, next, s.x, s.v, f);
     add_edge_forces(law, pairs(across), list.reach.data() + across.first, next, own.first, own.last, s.x, s.v, f);
   }

@@ -38,6 +38,11 @@ struct StateView {
 
   ShearFlow<D> flow = {};  ///< of the box, and of the fluid around the particles
 
+  /// Elements with ghosts add forces to the ghosts, too. For one chunk only: threads would write to the same ghosts.
+  bool ghosts_feel = false;
+
+  /// The points to which elements across the border of a chunk add forces.
+  Range pushed(Index chunk) const { return ghosts_feel ? Range{0, topology.points()} : neighbours.points(chunk); }
   Vec<D> position(Index i) const { return point<D>(x, i); }
   Vec<D> velocity(Index i) const { return point<D>(v, i); }
   /// In the plane the rotation angle of the particle; in space the integral of its spin, which is an orientation only

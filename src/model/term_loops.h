@@ -200,8 +200,7 @@ class TermLoops {
     };
     Real* const turn = has_torque<T> ? torques_in(s, f) : nullptr;
     add(Of::inside(s, chunk), Scatter<D, sign>{f, {}, turn});
-    if constexpr (KindOf<T>::paired)
-      add(Of::across(s, chunk), Scatter<D, sign, true>{f, s.neighbours.points(chunk), turn});
+    if constexpr (KindOf<T>::paired) add(Of::across(s, chunk), Scatter<D, sign, true>{f, s.pushed(chunk), turn});
   }
 
   /// sum + the energy of a chunk.

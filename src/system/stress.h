@@ -25,6 +25,12 @@ Mat<D> momentum_flux(const StateView<D>& s, Index i) {
   return -s.topology.mass(i) * w * w.transpose();
 }
 
+/// The derivative of the energy by the logarithm of the box length, where the centres of particles follow the box and
+/// their shapes do not: at equilibrium the trace of the virial. From the forces on all particles [particles · D], those
+/// on ghosts included (StateView::ghosts_feel), which costs less than the virials of the terms. On one rank.
+template <int D>
+Real virial_of_centres(const StateView<D>& s, const Real* forces);
+
 /// Share of each own particle of the stress [own particles], in units of energy per volume: the sum over all particles
 /// of all ranks is the stress of the box, kinetic part included. An interaction of two particles belongs to either by
 /// half. x, v [size of the system]. Errors: InputError for a box that is open in a direction, and for models without
