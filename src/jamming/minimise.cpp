@@ -242,7 +242,9 @@ Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const Minimise
   const bool only_energies = !dissipates<D>(system, x);  // their forces alone are cheaper than with the energy
   FireOptions fire_options;
   const Real stiffness = system.field().critical_step(t).crowded.translation.stiffness;
-  fire_options.dt_max = stiffness > 0 ? 1 / std::sqrt(stiffness) : 0.1;
+  // The bound of the stiffness is far above that of polygons, which have fewer contacts than fit around them.
+  const Real longest = D == 2 && t.deformable() ? 1.5 : 1;
+  fire_options.dt_max = stiffness > 0 ? longest / std::sqrt(stiffness) : 0.1;
   fire_options.dt = fire_options.dt_max / 5;
   fire_options.force_tolerance = o.force_tolerance;
   fire_options.max_iterations = o.max_iterations;
