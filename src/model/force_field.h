@@ -85,10 +85,11 @@ struct Couplings {
 };
 
 /// Energies and forces of a configuration. One virtual call per evaluation, none per element. Arrays of forces have the
-/// length of all points; only the owned points are written. If particles rotate, torques on the owned points follow the
-/// forces on the owned points [points · (D + rotations)]. Sums are over the rank's share: elements inside its chunks,
-/// and elements across borders that count for an owned particle (Topology::counts_for); over all ranks every element
-/// counts once. Energies, powers, contacts and forces on walls count active particles only.
+/// length of all points; only the owned points are written, and with StateView::ghosts_feel forces are added on ghosts.
+/// If particles rotate, torques on the owned points follow the forces on the owned points [points · (D + rotations)].
+/// Sums are over the rank's share: elements inside its chunks, and elements across borders that count for an owned
+/// particle (Topology::counts_for); over all ranks every element counts once. Energies, powers, contacts and forces on
+/// walls count active particles only.
 template <int D>
 class ForceField {
  public:
