@@ -83,7 +83,7 @@ if program:
     check = subprocess.run([program, "check", "2"], capture_output=True, encoding="utf-8", check=True)
     print(check.stdout)
     output = Path(folder.name) / "droplets"
-    options = "-model droplet -tension 200 -zeta 1 -e_c 1000 -e_w 1000 -n 40 -hopper_wall_distance 10 -hopper_width 4 -t_end 3"
+    options = "-model line_tension -tension 200 -zeta 1 -e_c 1000 -e_w 1000 -n 40 -hopper_wall_distance 10 -hopper_width 4 -t_end 3"
     subprocess.run([program, "hopper", *options.split(), "-output", str(output)], check=True, stdout=subprocess.DEVNULL)
     run = pliant.Run(output)
 else:

@@ -34,7 +34,7 @@ def test_the_pages():
     ("    pliant-swep widths.csv", [(1, "pliant-swep: there is no python/pliant-swep")]),
     ("    pliant-sweep widths.csv -j 4 --paralel", [(1, "pliant-sweep has no --paralel")]),
     ("    pliant-reproduce H77 quick", [(1, "pliant-reproduce has no figure H77")]),
-    ("    build/examples/own_term/own_term hopper -model droplet -tension 2 -zeta 1 -tention 2",
+    ("    build/examples/own_term/own_term hopper -model line_tension -tension 2 -zeta 1 -tention 2",
      [(1, "examples/own_term has no option -tention")]),
     ("    build/tests/test_modl", [(1, "build/tests/test_modl: there is no tests/modl")]),
     ("    scripts/bench.sh --quick --only x --fast\n    scripts/bnch.sh",
