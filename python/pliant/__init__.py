@@ -6,7 +6,8 @@
 >>> pliant.Run("runs/first").summary["Q"]["value"]
 
 Units as in the program: lengths in sigma_avg, times in t0 = sqrt(sigma_avg/g), density 1. The engine is the compiled module
-`pliant._core`, which is loaded at its first use; the reader does not need it.
+`pliant._core`, which is loaded at its first use; the reader does not need it. `pliant.__version__` is
+the version of the engine.
 """
 
 from importlib import import_module
@@ -38,6 +39,8 @@ __all__ = ["Ensemble", "FolderInUseError", "Frame", "Frames", "Geometry", "Input
 
 
 def __getattr__(name):
+    if name == "__version__":
+        return import_module(".engine", __name__).core.version
     if name not in _ENGINE:
         raise AttributeError(f"module 'pliant' has no attribute {name!r}")
     value = getattr(import_module(f".{_ENGINE[name]}", __name__), name)

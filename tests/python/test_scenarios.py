@@ -34,6 +34,10 @@ def test_a_run_is_that_of_the_program_bit_for_bit(tmp_path, small, program):
     same(tmp_path / "python", tmp_path / "program")
 
 
+def test_the_version_is_that_of_the_program(program):
+    assert program("-version").stdout.splitlines()[0] == f"pliant {pliant.__version__}"
+
+
 @pytest.mark.parametrize("name, options", [
     ("raft", {"rows": 2, "columns": 2, "n": 3, "v_wall": 1e-3, "t_end": 5}),
     ("clog", {"n": 14, "g": 0.1, "hopper_width": 1.25, "phi_c": 3e-4, "t_end": 5}),
