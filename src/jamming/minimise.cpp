@@ -130,7 +130,7 @@ class Enthalpy {
   }
 
  private:
-  /// Room for the forces on all points, zero on ghosts.
+  /// Space for the forces on all points, zero on ghosts.
   Real* forces(const StateView<D>& s) {
     force_.resize(static_cast<std::size_t>(s.topology.points()) * D);
     std::fill(force_.begin() + static_cast<std::ptrdiff_t>(x_.size()), force_.end(), 0);
@@ -242,7 +242,7 @@ Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const Minimise
   const bool only_energies = !dissipates<D>(system, x);  // their forces alone are cheaper than with the energy
   FireOptions fire_options;
   const Real stiffness = system.field().critical_step(t).crowded.translation.stiffness;
-  // The bound of the stiffness is far above that of polygons, which have fewer contacts than fit around them.
+  // Polygons are far softer than the bound of the stiffness, because they have fewer contacts than fit around them.
   const Real longest = D == 2 && t.deformable() ? 1.5 : 1;
   fire_options.dt_max = stiffness > 0 ? longest / std::sqrt(stiffness) : 0.1;
   fire_options.dt = fire_options.dt_max / 5;

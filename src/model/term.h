@@ -38,10 +38,11 @@ struct StateView {
 
   ShearFlow<D> flow = {};  ///< of the box, and of the fluid around the particles
 
-  /// Elements with ghosts add forces to the ghosts, too. For one chunk only: threads would write to the same ghosts.
+  /// Interactions of a particle with a ghost add forces to the ghost, too. With one chunk only, because threads of
+  /// several chunks would write to the same ghost.
   bool ghosts_feel = false;
 
-  /// The points to which elements across the border of a chunk add forces.
+  /// The points to which interactions across the border of a chunk add forces: the points of the chunk, or all points.
   Range pushed(Index chunk) const { return ghosts_feel ? Range{0, topology.points()} : neighbours.points(chunk); }
   Vec<D> position(Index i) const { return point<D>(x, i); }
   Vec<D> velocity(Index i) const { return point<D>(v, i); }

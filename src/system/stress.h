@@ -25,9 +25,10 @@ Mat<D> momentum_flux(const StateView<D>& s, Index i) {
   return -s.topology.mass(i) * w * w.transpose();
 }
 
-/// The derivative of the energy by the logarithm of the box length, where the centres of particles follow the box and
-/// their shapes do not: at equilibrium the trace of the virial. From the forces on all particles [particles · D], those
-/// on ghosts included (StateView::ghosts_feel), which costs less than the virials of the terms. On one rank.
+/// The derivative of the energy of interactions by the logarithm of the box length, if the centres of particles follow
+/// the box and their shapes do not. At equilibrium it is the trace of the virial. forces: [particles · D] the sums of
+/// the forces on the points of each particle and of each ghost, with StateView::ghosts_feel. The function needs a
+/// single rank, and costs less than the virials of the terms.
 template <int D>
 Real virial_of_centres(const StateView<D>& s, const Real* forces);
 
