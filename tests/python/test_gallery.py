@@ -1,4 +1,4 @@
-"""Tutorials of the gallery that take few seconds run alone, and draw their picture; scripts/site.sh runs all of them."""
+"""Each tutorial of the gallery runs alone and draws its picture."""
 
 import os
 import re
@@ -23,14 +23,14 @@ def test_tutorials_are_numbered():
     assert [path.name[5:7] for path in TUTORIALS] == [f"{k:02}" for k in range(1, 13)]
 
 
-@pytest.mark.parametrize("number", KNOWN)
-def test_a_tutorial_runs_alone(number, tmp_path):
-    script = next(path for path in TUTORIALS if path.name.startswith(f"plot_{number}"))
+@pytest.mark.parametrize("script", TUTORIALS, ids=lambda path: path.stem)
+def test_a_tutorial_runs_alone(script, tmp_path):
     own_term = os.environ.get("PLIANT_OWN_TERM")
     env = {**os.environ, "PATH": os.pathsep.join([str(Path(own_term).parent), os.environ["PATH"]])} if own_term else None
     result = subprocess.run([sys.executable, "-B", str(script)], cwd=tmp_path, env=env, capture_output=True, encoding="utf-8")
     assert result.returncode == 0, result.stderr
     assert not own_term or "is not built" not in result.stdout
-    pattern, value, tolerance = KNOWN[number]
-    assert float(re.search(pattern, result.stdout)[1]) == pytest.approx(value, abs=tolerance), result.stdout
+    if script.name[5:7] in KNOWN:
+        pattern, value, tolerance = KNOWN[script.name[5:7]]
+        assert float(re.search(pattern, result.stdout)[1]) == pytest.approx(value, abs=tolerance), result.stdout
     assert (tmp_path / f"{script.stem[8:]}.png").read_bytes().startswith(b"\x89PNG")
