@@ -38,11 +38,12 @@ struct StateView {
 
   ShearFlow<D> flow = {};  ///< of the box, and of the fluid around the particles
 
-  /// Interactions of a particle with a ghost add forces to the ghost, too. With one chunk only, because threads of
-  /// several chunks would write to the same ghost.
+  /// If true, interactions of a particle with a ghost add forces to the ghost, too. The flag needs one chunk, because
+  /// threads of several chunks would write to the same ghost.
   bool ghosts_feel = false;
 
-  /// The points to which interactions across the border of a chunk add forces: the points of the chunk, or all points.
+  /// The points that receive forces from interactions across the border of a chunk: all points, ghosts included, with
+  /// ghosts_feel, else the points of the chunk.
   Range pushed(Index chunk) const { return ghosts_feel ? Range{0, topology.points()} : neighbours.points(chunk); }
   Vec<D> position(Index i) const { return point<D>(x, i); }
   Vec<D> velocity(Index i) const { return point<D>(v, i); }

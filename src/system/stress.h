@@ -26,9 +26,9 @@ Mat<D> momentum_flux(const StateView<D>& s, Index i) {
 }
 
 /// The derivative of the energy of interactions by the logarithm of the box length, if the centres of particles follow
-/// the box and their shapes do not. At equilibrium it is the trace of the virial. forces: [particles · D] the sums of
-/// the forces on the points of each particle and of each ghost, with StateView::ghosts_feel. The function needs a
-/// single rank, and costs less than the virials of the terms.
+/// the box and their shapes do not. At equilibrium the derivative is the trace of the virial. forces [particles · D]:
+/// for each particle and each ghost, the sum of the forces on its points, computed with StateView::ghosts_feel. The
+/// function needs a single rank, and costs less than the virials of the terms.
 template <int D>
 Real virial_of_centres(const StateView<D>& s, const Real* forces);
 
