@@ -6,8 +6,8 @@
 >>> pliant.Run("runs/first").summary["Q"]["value"]
 
 Units as in the program: lengths in sigma_avg, times in t0 = sqrt(sigma_avg/g), density 1. The engine is the compiled module
-`pliant._core`, which is loaded at its first use; the reader does not need it. `pliant.__version__` is
-the version of the engine.
+`pliant._core`, which is loaded at its first use; the reader does not need it. `pliant.__version__` is the
+version of the engine.
 """
 
 from importlib import import_module
