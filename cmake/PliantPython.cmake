@@ -1,5 +1,5 @@
-# The Python module pliant._core, from src/python. It lies in build/python/pliant, with links to the files of the package
-# next to it: PYTHONPATH=build/python finds both.
+# The Python module pliant._core, from src/python. CMake puts this module into build/python/pliant, with links to the
+# files of the package: PYTHONPATH=build/python finds both.
 find_program(PLIANT_PYTHON_PROGRAM python3 PATHS /usr/bin NO_DEFAULT_PATH)  # the one with Debian's numpy and h5py
 find_program(PLIANT_PYTHON_PROGRAM python3)
 if(PLIANT_PYTHON_PROGRAM)
@@ -29,7 +29,7 @@ file(GLOB sources CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/src/python/*.cpp")
 pybind11_add_module(pliant_python MODULE NO_EXTRAS ${sources})
 target_link_libraries(pliant_python PRIVATE pliant_scenarios pliant_warnings)
 target_compile_options(pliant_python PRIVATE ${pliant_optimise_less})
-# Its libraries share the process with others, as those of petsc4py: it exports nothing but its start.
+# Other modules, as petsc4py, load the same libraries: the module exports nothing but its start.
 target_link_options(pliant_python PRIVATE -Wl,--exclude-libs,ALL)
 set(package "${PROJECT_BINARY_DIR}/python/pliant")
 set_target_properties(pliant_python PROPERTIES OUTPUT_NAME _core LIBRARY_OUTPUT_DIRECTORY "${package}")

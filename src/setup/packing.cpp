@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <vector>
 
 #include <pliant/base/cure.h>
@@ -69,6 +70,28 @@ void find_place(const Container& container, const Walls<D>& walls, Real height, 
       most_attempts_per_particle);
 }
 
+// All contacts of disks and spheres are in one list, whose parts threads share.
+constexpr Index pairs_of_part = 4096;
+std::size_t parts_of(const PairList& pairs) {
+  return (static_cast<std::size_t>(pairs.size()) + pairs_of_part - 1) / pairs_of_part;
+}
+
+/// visit(part, first, last) for the pairs [first, last) of each part.
+template <class Visit>
+void for_each_part(const PairList& pairs, Visit&& visit) {
+  for_each_chunk(static_cast<Index>(parts_of(pairs)), [&](Index part) {
+    const Index first = part * pairs_of_part;
+    visit(static_cast<std::size_t>(part), first, std::min(first + pairs_of_part, pairs.size()));
+  });
+}
+
+/// Over the contact distance.
+template <int D>
+Real overlap_of_pair(const StateView<D>& s, Index e) {
+  const auto [i, j] = s.neighbours.point_pairs[e];
+  return 1 - (s.position(i) - s.position(j)).norm() / s.neighbours.point_pairs.reach[e];
+}
+
 /// Largest overlap over the contact distance, of points among each other and with walls; or any one above `enough`.
 template <int D>
 Real largest_overlap(ParticleSystem<D>& system, const Real* x, Real enough = std::numeric_limits<Real>::infinity()) {
@@ -81,24 +104,29 @@ Real largest_overlap(ParticleSystem<D>& system, const Real* x, Real enough = std
     system.field().for_each_contact(s, [&](const Contact<D>& c) { largest = std::max(largest, c.overlap); });
     return largest;
   }
-  // All contacts of disks and spheres are in one list, whose parts threads share.
-  constexpr Index at_once = 4096;
   const PairList& pairs = s.neighbours.point_pairs;
-  std::vector<Real> most((static_cast<std::size_t>(pairs.size()) + at_once - 1) / at_once, 0);
+  std::vector<Real> most(parts_of(pairs), 0);
   std::atomic<bool> found = false;
-  for_each_chunk(static_cast<Index>(most.size()), [&](Index part) {
+  for_each_part(pairs, [&](std::size_t part, Index first, Index last) {
     if (found) return;
     Real here = 0;
-    const Index first = part * at_once, last = std::min(first + at_once, pairs.size());
-    for (Index e = first; e < last && !(here > enough); ++e) {
-      const auto [i, j] = pairs[e];
-      here = std::max(here, 1 - (s.position(i) - s.position(j)).norm() / pairs.reach[e]);
-    }
-    most[static_cast<std::size_t>(part)] = here;
+    for (Index e = first; e < last && !(here > enough); ++e) here = std::max(here, overlap_of_pair(s, e));
+    most[part] = here;
     if (here > enough) found = true;
   });
   for (const Real here : most) largest = std::max(largest, here);
   return largest;
+}
+
+/// Number of pairs of points that overlap by more than the tolerance.
+template <int D>
+Index overlapping_pairs(ParticleSystem<D>& system, const Real* x, Real tolerance) {
+  const StateView<D> s = system.view(x, nullptr);
+  std::vector<Index> number(parts_of(s.neighbours.point_pairs), 0);
+  for_each_part(s.neighbours.point_pairs, [&](std::size_t part, Index first, Index last) {
+    for (Index e = first; e < last; ++e) number[part] += overlap_of_pair(s, e) > tolerance;
+  });
+  return std::accumulate(number.begin(), number.end(), Index(0));
 }
 
 /// One around each particle.
@@ -120,9 +148,10 @@ Relaxed push_apart(ParticleSystem<D>& system, FireOptions options, Real toleranc
   constexpr Real mass = 1;
   Relaxed relaxed;
   options.force = [&](const Real* r, Real* f) { system.field().forces(system.view(r, nullptr), f); };
+  const auto ended = std::move(options.done);
   options.done = [&](const Real* r) {
     if (check) check();
-    return largest_overlap<D>(system, r, tolerance) <= tolerance && inside(r);
+    return (largest_overlap<D>(system, r, tolerance) <= tolerance && inside(r)) || (ended && ended(r));
   };
   const EnergyAndForce without_energy = [&](const Real* r, Real* f) {
     options.force(r, f);
@@ -137,7 +166,7 @@ Relaxed push_apart(ParticleSystem<D>& system, FireOptions options, Real toleranc
 }
 
 template <int D>
-Relaxed relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, std::int64_t max_iterations,
+Relaxed relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, const PushLimits& limits,
                     const std::function<bool(Index, const Real*)>& inside, std::span<Real> centres, const Box<D>& box,
                     const std::function<void()>& check) {
   const Index n = disks.particles();
@@ -155,7 +184,12 @@ Relaxed relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, std::
   options.dt = 0.1;
   options.dt_max = 0.5;
   options.force_tolerance = 1e-2 * tolerance;
-  options.max_iterations = max_iterations;
+  options.max_iterations = limits.iterations;
+  if (limits.jammed)
+    options.done = [&, looks = 0](const Real* r) mutable {
+      // Nearly as many as hold all particles: at the edge of jamming few of them open.
+      return ++looks % 10 == 0 && overlapping_pairs(system, r, tolerance) > 0.9 * D * static_cast<Real>(n);
+    };
   const auto all_inside = [&](const Real* r) {
     for (Index m = 0; m < n; ++m)
       if (!inside(m, r)) return false;
@@ -178,8 +212,8 @@ template <int D>
 Packing pack(const Topology& topology, const Container& container, const PackingParameters& p, Real* x) {
   check_fit(topology, container);
   const Index n = topology.particles();
-  // Beyond, at the edge of jamming, raising the lid is quicker.
-  const std::int64_t most_iterations = n < many ? 2000 : 500;
+  // At the edge of jamming raising the lid is quicker.
+  const PushLimits limits = {.iterations = n < many ? 2000 : 500, .jammed = n >= many};
   Real content = 0, largest = 0;
   for (const Topology disks = outer_disks<D>(topology); const Index m : disks.id) {
     content += disks.a0[m];
@@ -202,7 +236,7 @@ Packing pack(const Topology& topology, const Container& container, const Packing
                       round == 0 && n >= many ? &tried : nullptr, r);
     }
     const Relaxed relaxed =
-        relax_disks<D>(outer_disks<D>(topology), walls, p.tolerance, most_iterations, inside, centres, {}, p.check);
+        relax_disks<D>(outer_disks<D>(topology), walls, p.tolerance, limits, inside, centres, {}, p.check);
     packing.iterations += relaxed.iterations;
     packing.max_overlap = relaxed.max_overlap;
     if (relaxed.done) break;
@@ -220,7 +254,6 @@ Packing pack(const Topology& topology, const Container& container, const Packing
 
 template <int D>
 Packing pack(const Topology& topology, const Box<D>& box, const PackingParameters& p, Real* x) {
-  constexpr std::int64_t most_iterations = 20000;
   for (int k = 0; k < D; ++k)
     if (!box.periodic(k))
       throw InputError("direction {} of the box is open, and particles do not fill it; give a finite length", k);
@@ -239,7 +272,7 @@ Packing pack(const Topology& topology, const Box<D>& box, const PackingParameter
                                          static_cast<std::uint64_t>(m) * D + static_cast<std::uint64_t>(k));
   }
   const Relaxed relaxed = relax_disks<D>(
-      std::move(disks), {}, p.tolerance, most_iterations, [](Index, const Real*) { return true; }, centres, box,
+      std::move(disks), {}, p.tolerance, {.iterations = 20000}, [](Index, const Real*) { return true; }, centres, box,
       p.check);
   packing.iterations = relaxed.iterations;
   packing.max_overlap = relaxed.max_overlap;
@@ -261,10 +294,10 @@ template Relaxed push_apart(ParticleSystem<2>&, FireOptions, Real, const std::fu
                             std::span<Real>, const std::function<void()>&);
 template Relaxed push_apart(ParticleSystem<3>&, FireOptions, Real, const std::function<bool(const Real*)>&,
                             std::span<Real>, const std::function<void()>&);
-template Relaxed relax_disks<2>(Topology, const Walls<2>&, Real, std::int64_t,
+template Relaxed relax_disks<2>(Topology, const Walls<2>&, Real, const PushLimits&,
                                 const std::function<bool(Index, const Real*)>&, std::span<Real>, const Box<2>&,
                                 const std::function<void()>&);
-template Relaxed relax_disks<3>(Topology, const Walls<3>&, Real, std::int64_t,
+template Relaxed relax_disks<3>(Topology, const Walls<3>&, Real, const PushLimits&,
                                 const std::function<bool(Index, const Real*)>&, std::span<Real>, const Box<3>&,
                                 const std::function<void()>&);
 template Packing pack<2>(const Topology&, const Container&, const PackingParameters&, Real*);

@@ -41,17 +41,23 @@ struct Relaxed {
 };
 
 /// Pushes the points x [points · D] of the system apart and off the walls with FIRE, by its forces and with equal
-/// masses, until no overlap is larger than the tolerance and inside(x). options: without the forces and the end
-/// condition. check: as in PackingParameters.
+/// masses, until no overlap is larger than the tolerance and inside(x), or until options.done. options: without the
+/// forces. check: as in PackingParameters.
 template <int D>
 Relaxed push_apart(ParticleSystem<D>& system, FireOptions options, Real tolerance,
                    const std::function<bool(const Real*)>& inside, std::span<Real> x,
                    const std::function<void()>& check = nullptr);
 
+/// When disks are no longer pushed, although they still overlap.
+struct PushLimits {
+  std::int64_t iterations = 20000;  ///< of FIRE
+  bool jammed = false;              ///< also where about as many pairs overlap as hold all disks
+};
+
 /// Pushes disks, which may lie on top of each other, apart and off the walls with FIRE. inside(m, r): whether disk m is
 /// in the container at centres r, needed if the walls alone do not confine the disks. centres [disks · D], by id.
 template <int D>
-Relaxed relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, std::int64_t max_iterations,
+Relaxed relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, const PushLimits& limits,
                     const std::function<bool(Index, const Real*)>& inside, std::span<Real> centres,
                     const Box<D>& box = {}, const std::function<void()>& check = nullptr);
 

@@ -123,8 +123,8 @@ ChannelStart random_start(const Topology& disks, const Channel& channel, const W
     start.x.insert(start.x.end(), {r[0], r[1]});
   }
   const Relaxed relaxed = relax_disks<2>(
-      disks, walls, tolerance, most_iterations, [&](Index m, const Real* r) { return channel.inside(point<2>(r, m)); },
-      start.x);
+      disks, walls, tolerance, {.iterations = most_iterations},
+      [&](Index m, const Real* r) { return channel.inside(point<2>(r, m)); }, start.x);
   start.iterations = relaxed.iterations;
   start.max_overlap = relaxed.max_overlap;
   if (relaxed.done) return start;
