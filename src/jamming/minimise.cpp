@@ -167,6 +167,7 @@ FireResult after(const FireResult& earlier, FireResult result) {
 template <int D>
 FireResult minimise_points(ParticleSystem<D>& system, std::span<Real> x, const std::vector<Real>& mass,
                            const MinimiserOptions& o, FireOptions fire_options) {
+  const std::int64_t most_iterations = fire_options.max_iterations;
   PointPacking<D> packing(system, *o.contacts, o.pressure);
   std::vector<Real> y(x.begin(), x.end());
   if (o.pressure) y.push_back(0);
@@ -184,7 +185,7 @@ FireResult minimise_points(ParticleSystem<D>& system, std::span<Real> x, const s
   FireResult result;
   const auto relax = [&](Real tolerance) {
     fire_options.force_tolerance = tolerance;
-    fire_options.max_iterations = o.max_iterations - result.iterations;
+    fire_options.max_iterations = most_iterations - result.iterations;
     result = after(result, fire(y, mass, energy_and_force, fire_options));
     if (result.stop == FireStop::iterations)
       result.reason =
@@ -195,7 +196,7 @@ FireResult minimise_points(ParticleSystem<D>& system, std::span<Real> x, const s
     const QuasiNewtonResult quasi =
         quasi_newton(y, energy_and_force, packing,
                      {.force_tolerance = o.force_tolerance,
-                      .max_evaluations = std::max<std::int64_t>(0, o.max_iterations - result.iterations),
+                      .max_evaluations = std::max<std::int64_t>(0, most_iterations - result.iterations),
                       .stop = o.stop});
     result.iterations += quasi.iterations;
     result.evaluations += quasi.evaluations;
@@ -210,6 +211,55 @@ FireResult minimise_points(ParticleSystem<D>& system, std::span<Real> x, const s
   if (o.pressure) system.deform(Mat<D>(packing.scale(y.data()) * Mat<D>::Identity()));
   packing.place(y.data(), x.data());
   return result;
+}
+
+/// Minimises the enthalpy over positions and box.
+template <int D>
+FireResult minimise_with_box(ParticleSystem<D>& system, std::span<Real> x, const std::vector<Real>& mass, Real pressure,
+                             bool only_energies, FireOptions fire_options) {
+  Enthalpy<D> enthalpy(system, pressure);
+  std::vector<Real> y(x.begin(), x.end());
+  y.push_back(0);
+  // FIRE stops by the force here. Where the model has dissipative terms, too, the energy comes with the forces of the
+  // energy terms alone.
+  const auto evaluate = [&](const Real* at, Real* f) { return enthalpy(at, f, !only_energies); };
+  if (only_energies) fire_options.force = evaluate;
+  FireResult result = fire(y, mass, evaluate, fire_options);
+  std::ranges::copy(enthalpy.place(y.data()), x.begin());
+  return result;
+}
+
+/// Minimises the energy in the present box, at the time t of walls that move.
+template <int D>
+FireResult minimise_in_box(ParticleSystem<D>& system, std::span<Real> x, const std::vector<Real>& mass, Real t,
+                           bool only_energies, FireOptions fire_options) {
+  std::vector<Real> force;
+  const auto room = [&](const StateView<D>& s) {
+    force.resize(static_cast<std::size_t>(s.topology.points()) * (D + rotations<D>));
+    return force.data();
+  };
+  const std::size_t n = system.positions_in(x).size();
+  std::vector<Real> all(x.begin(), x.end());  // with angles, where particles rotate
+  const std::vector<Real> rest = velocities_at_rest(system);
+  const auto view_at = [&](const Real* at) {
+    if (n < all.size()) std::copy_n(at, n, all.begin());
+    return system.view(n < all.size() ? all.data() : at, rest.empty() ? nullptr : rest.data(), t);
+  };
+  if (only_energies)
+    fire_options.force = [&](const Real* at, Real* f) {
+      const StateView<D> s = view_at(at);
+      system.field().forces(s, room(s));
+      std::copy_n(force.begin(), n, f);
+    };
+  return fire(
+      x.first(n), mass,
+      [&](const Real* at, Real* f) {
+        const StateView<D> s = view_at(at);
+        const Real energy = system.field().energy(s, room(s));
+        std::copy_n(force.begin(), n, f);
+        return energy;
+      },
+      fire_options);
 }
 
 }  // namespace
@@ -250,51 +300,21 @@ Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const Minimise
   fire_options.max_iterations = o.max_iterations;
   fire_options.max_move = 0.1;
   if (o.stop) fire_options.done = [&](const Real*) { return o.stop(); };
-  FireResult result;
-  std::vector<Real> force;
-  const auto room = [&](const StateView<D>& s) {
-    force.resize(static_cast<std::size_t>(s.topology.points()) * (D + rotations<D>));
-    return force.data();
-  };
   const std::vector<Real> mass = masses(t, o.pressure.has_value());
   if (!o.pressure) fire_options.energy_tolerance = o.energy_per_particle * t.owned();
-  if (o.contacts && PointPacking<D>::suits(system)) {
-    result = minimise_points<D>(system, x, mass, o, fire_options);
-  } else if (o.pressure) {
-    Enthalpy<D> enthalpy(system, *o.pressure);
-    std::vector<Real> y(x.begin(), x.end());
-    y.push_back(0);
-    // FIRE stops by the force here. Where the model has dissipative terms, too, the energy comes with the forces of the
-    // energy terms alone.
-    const auto evaluate = [&](const Real* at, Real* f) { return enthalpy(at, f, !only_energies); };
-    if (only_energies) fire_options.force = evaluate;
-    result = fire(y, mass, evaluate, fire_options);
-    std::ranges::copy(enthalpy.place(y.data()), x.begin());
-  } else {
-    const std::size_t n = system.positions_in(x).size();
-    std::vector<Real> all(x.begin(), x.end());  // with angles, where particles rotate
-    const std::vector<Real> rest = velocities_at_rest(system);
-    const auto view_at = [&](const Real* at) {
-      if (n < all.size()) std::copy_n(at, n, all.begin());
-      return system.view(n < all.size() ? all.data() : at, rest.empty() ? nullptr : rest.data(), o.t);
-    };
-    if (only_energies)
-      fire_options.force = [&](const Real* at, Real* f) {
-        const StateView<D> s = view_at(at);
-        system.field().forces(s, room(s));
-        std::copy_n(force.begin(), n, f);
-      };
-    result = fire(
-        x.first(n), mass,
-        [&](const Real* at, Real* f) {
-          const StateView<D> s = view_at(at);
-          const Real energy = system.field().energy(s, room(s));
-          std::copy_n(force.begin(), n, f);
-          return energy;
-        },
-        fire_options);
-  }
+  const auto once = [&] {
+    if (o.contacts && PointPacking<D>::suits(system)) return minimise_points<D>(system, x, mass, o, fire_options);
+    return o.pressure ? minimise_with_box<D>(system, x, mass, *o.pressure, only_energies, fire_options)
+                      : minimise_in_box<D>(system, x, mass, o.t, only_energies, fire_options);
+  };
+  FireResult result = once();
   Minimum<D> minimum = measure_at<D>(system, x, o.t);
+  // FIRE stops by the force on coordinates in the box at the start, below the force on a point if the box has shrunk.
+  while (o.pressure && result.stop == FireStop::force && minimum.max_force > o.force_tolerance) {
+    fire_options.max_iterations = o.max_iterations - result.iterations;
+    result = after(result, once());
+    minimum = measure_at<D>(system, x, o.t);
+  }
   minimum.converged = result.converged;
   minimum.apart =
       result.stop == FireStop::energy || (!o.pressure && std::abs(minimum.energy) <= o.energy_per_particle * t.owned());

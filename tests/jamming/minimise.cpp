@@ -57,16 +57,12 @@ TEST_CASE("a packing at a fixed pressure has this pressure and no forces") {
     RandomCell<D> cell(kind, n, 3, phi);
     auto system = cell.system(kind);
     std::vector<Real> x = cell.x;
-    const Real start = system.box().length()[0];
     MinimiserOptions o;
     o.pressure = pressure;
     o.force_tolerance = 1e-6 * pressure;
     const Minimum<D> m = minimise<D>(system, x, o);
     CHECK(m.converged);
-    // FIRE stops by the force on coordinates in the box at the start, which is smaller than the force on a point.
-    const Real smaller = std::min(Real(1), system.box().length()[0] / start);
-    CHECK(m.max_force <= 1e-6 * pressure / smaller * (1 + 1e-9));
-    CHECK(m.max_force < (kind == ModelKind::smooth ? 1.21e-6 : 1.2e-6) * pressure);
+    CHECK(m.max_force <= 1e-6 * pressure);  // in the present box, which may be smaller than the one at the start
     CHECK(m.stress.pressure() == Approx(pressure).epsilon(1e-5));
   };
   check(std::integral_constant<int, 2>(), ModelKind::sp, 32, 0.9, 1e-2);
