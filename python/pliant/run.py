@@ -231,6 +231,16 @@ class ModeEnergies:
             slope = (x * y).sum(-1) / (x**2).sum(-1)
         return np.where(number >= least, slope, np.nan)
 
+    @property
+    def crossover(self):
+        """[T, K] amplitude at which the energy is twice its quadratic part, interpolated; NaN if it is less at all amplitudes."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            part = np.log(self.energy / (2 * self.quadratic[..., None] * self.amplitude**2))
+            next_ = np.fmax((part >= 0).argmax(-1), 1)
+            low, high = (np.take_along_axis(part, k[..., None], -1)[..., 0] for k in (next_ - 1, next_))
+            between = self.amplitude[next_] * (self.amplitude[next_ - 1] / self.amplitude[next_]) ** (high / (high - low))
+        return np.where((part >= 0).any(-1), between, np.nan)
+
 
 class Frame:
     """One frame; every array is read at the first access."""

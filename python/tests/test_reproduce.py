@@ -1360,7 +1360,8 @@ def mode_rows(more=0, crossover=1.0):
                 if pre_stress == "dropped":
                     rows.append(whole)
                 for kind, power, quadratic in (("no stiffness", 4, p**crossover), ("stiff", 2, 3.0)) if pre_stress == "kept" else ():
-                    rows.append(whole | {"kind": kind, "exponent": power + 0.01 * s, "with_exponent": 0.8, "quadratic": quadratic})
+                    rows.append(whole | {"kind": kind, "exponent": power + 0.01 * s, "with_exponent": 0.8, "quadratic": quadratic,
+                                         "crossover": quadratic**0.5 if power == 4 else np.nan})
                     rows += [whole | {"kind": kind, "amplitude": a, "energy": quadratic * a**2 + a**4} for a in amplitudes]
     return as_measured(rows)
 
@@ -1376,6 +1377,8 @@ def test_figure_of_quartic_modes(tmp_path):
         assert one.value == pytest.approx(power + 0.015) and one.published.value == power and agree(one) == "no verdict"
     low = found[f"exponent of p in the quadratic part, no stiffness, p = 1e-05 to 1e-06, {of.format(0)}"]
     assert low.value == pytest.approx(1) and low.published.value == 1 and low.decides
+    half = found[f"exponent of p in the crossover, no stiffness, p = 1e-05 to 1e-06, {of.format(0)}"]
+    assert half.value == pytest.approx(0.5) and half.published.value == 0.5
     wrong = drawn("J6", mode_rows(more=1, crossover=0.5))
     assert agree(wrong[f"packings whose missing contacts are as many as modes without stiffness, {of.format(0)}"]) == "no"
     assert wrong[f"exponent of p in the quadratic part, no stiffness, p = 1e-05 to 1e-06, {of.format(0)}"].value == pytest.approx(0.5)

@@ -210,11 +210,12 @@ std::vector<PackingEnergy> energies_along(ParticleSystem<D>& system, std::span<c
                                           std::span<const Real> direction, std::span<const Real> amplitudes) {
   std::vector<PackingEnergy> all;
   std::vector<Real> moved;
+  const std::vector<Real> at_rest(x.size());  // for terms with dissipation
   for (const Real amplitude : amplitudes) {
     moved.assign(x.begin(), x.end());
     for (std::size_t k = 0; k < direction.size(); ++k) moved[k] += amplitude * direction[k];
     PackingEnergy& energy = all.emplace_back();
-    for (const TermReport& term : system.field().report(system.view(moved.data(), nullptr))) {
+    for (const TermReport& term : system.field().report(system.view(moved.data(), at_rest.data()))) {
       if (!term.is_energy) continue;
       energy.total += term.energy;
       if (term.particle_energy.empty()) energy.contacts += term.energy;

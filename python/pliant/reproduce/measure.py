@@ -102,8 +102,8 @@ def packings(run):
 
 def packing_modes(run):
     """Contacts and modes of each packing. With energies along modes also, of the modes without stiffness and of the stiff ones: their
-    median energy against the amplitude, and, in the row without amplitude, the median of the exponents and of the coefficient
-    of the quadratic part, and the share of modes that have an exponent."""
+    median energy against the amplitude, and, in the row without amplitude, the medians of the exponents, of the coefficient of the
+    quadratic part and of the crossover, and the share of modes that have an exponent."""
     options, series = run.parameters, run.series
     free = 3 if options["k_b"] > 0 else options["n_vertices"] - 1
     counts = series[["pressure", "backbone", "contacts", "zero_modes"]].assign(
@@ -111,6 +111,7 @@ def packing_modes(run):
     if "mode_energies" not in run.vector_series:
         return counts[series["time"] > 0]
     along, tables = run.mode_energies, []
+    crossover = along.crossover  # NaN of stiff modes
     small = along.amplitude <= _STIFF * along.amplitude[-1]
     exponents = {"no stiffness": along.exponents(along.above_crossover), "stiff": along.exponents(np.broadcast_to(small, along.energy.shape))}
     for packing in np.flatnonzero(series["time"] > 0):
@@ -123,7 +124,8 @@ def packing_modes(run):
             own = exponents[kind][packing, modes]
             known = np.isfinite(own)
             whole = {"exponent": np.median(own[known]) if known.any() else np.nan, "with_exponent": known.mean(),
-                     "quadratic": np.median(along.quadratic[packing, modes])}
+                     "quadratic": np.median(along.quadratic[packing, modes]),
+                     "crossover": np.median(crossover[packing, modes])}
             curve = pd.DataFrame({"amplitude": [np.nan, *along.amplitude], "energy": [np.nan, *np.median(energy, 0)]})
             tables.append(curve.assign(kind=kind, **counts.iloc[packing], **{name: [value] + [np.nan] * len(along.amplitude)
                                                                               for name, value in whole.items()}))

@@ -225,7 +225,7 @@ def _polygons(row):
 def draw_modes(measured):
     """Modes without stiffness against missing contacts, and the energy along modes."""
     measured = measured.assign(particles=[_polygons(row) for _, row in measured.iterrows()])
-    figure, (left, right) = plt.subplots(1, 2, figsize=(plotting.PAGE, 4.3), layout="constrained")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(plotting.PAGE, 5), layout="constrained")
     counted = measured[measured["pre_stress"] == "dropped"]
     quantities = _count_modes(left, counted) if len(counted) else []
     if "energy" in measured:
@@ -272,12 +272,16 @@ def _energies(axes, measured):
                            for row in ensemble.scatter(found, ["kind"], "exponent").itertuples()]
             quantities += [Quantity(f"share of modes with an exponent, {name}", row.with_exponent, row.with_exponent_error)
                            for row in ensemble.scatter(found, ["kind"], "with_exponent").itertuples() if kind == "no stiffness"]
-        soft = whole[whole["kind"] == "no stiffness"].pivot_table(index=["table", "row"], columns="step", values="quadratic")
-        for upper, lower in zip(soft.columns[:0:-1], soft.columns[-2::-1]):
-            both = soft[[upper, lower]].dropna()
-            powers = np.log(both[upper] / both[lower]) / np.log(upper / lower)
-            quantities.append(Quantity(f"exponent of p in the quadratic part, no stiffness, p = {upper:g} to {lower:g}, {particles}",
-                                       powers.median(), powers.sem(), published.QUARTIC_PRESSURE, decides=lower == pressures[0]))
+        loose = whole[whole["kind"] == "no stiffness"]
+        for column, words in (("quadratic", "quadratic part"), ("crossover", "crossover")):
+            values = loose.pivot_table(index=["table", "row"], columns="step", values=column)
+            quantities += [Quantity(f"{words}, no stiffness, p = {p:g}, {particles}", values[p].mean(), values[p].sem()) for p in values]
+            for upper, lower in zip(values.columns[:0:-1], values.columns[-2::-1]):
+                both = values[[upper, lower]].dropna()
+                powers = np.log(both[upper] / both[lower]) / np.log(upper / lower)
+                quantities.append(Quantity(f"exponent of p in the {words}, no stiffness, p = {upper:g} to {lower:g}, {particles}",
+                                           powers.mean(), powers.sem(), published.QUARTIC_PRESSURE[column],
+                                           decides=lower == pressures[0]))
     x = np.array([1e-3, 1e-2])
     for power, factor in ((4, 30), (2, 3)):
         axes.plot(x, factor * x**power, "-.", color="0.3", lw=1, label=f"slope {power}")
