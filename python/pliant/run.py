@@ -199,6 +199,49 @@ class Profile:
         return Profile(self.time[first], self.height, self.momentum[first], self.weight[first])
 
 
+@dataclass(frozen=True)
+class ModeEnergies:
+    """Energies of packings that are displaced along their modes, one row per sample of the series; NaN where there is no mode."""
+
+    amplitude: np.ndarray  #: [A] displacement of the point that moves farthest
+    energy: np.ndarray     #: [T, K, A] minus the energy at rest
+    contacts: np.ndarray   #: [T, K, A] energy of the contacts of the displaced packing
+
+    @property
+    def quadratic(self):
+        """[T, K] coefficient of the square of the amplitude, at the smallest one."""
+        return self.energy[..., 0] / self.amplitude[0]**2
+
+    @property
+    def above_crossover(self):
+        """[T, K, A] bool: where the energy exceeds 100 times its quadratic part, and contacts that have closed hold at most 1 % of
+        it. Along a mode without stiffness contacts can only open, to the order at which their energy changes, so that a rise
+        of their energy shows new contacts."""
+        quadratic = self.quadratic[..., None] * self.amplitude**2
+        closed = self.contacts - np.minimum.accumulate(self.contacts, axis=-1) > 0.01 * self.energy
+        return (self.energy > 100 * quadratic) & ~np.logical_or.accumulate(closed, axis=-1)
+
+    def exponents(self, where, least=5):
+        """[T, K] slopes of ln energy in ln amplitude, of the amplitudes `where` [T, K, A]; NaN for fewer than `least` of them."""
+        used = where & (self.energy > 0)
+        number = used.sum(-1)
+        x, y = (np.where(used, np.log(np.where(used, values, 1)), 0) for values in (np.broadcast_to(self.amplitude, used.shape), self.energy))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            x = np.where(used, x - (x.sum(-1) / number)[..., None], 0)
+            slope = (x * y).sum(-1) / (x**2).sum(-1)
+        return np.where(number >= least, slope, np.nan)
+
+    @property
+    def crossover(self):
+        """[T, K] amplitude at which the energy is twice its quadratic part, interpolated; NaN if it is less at all amplitudes."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            part = np.log(self.energy / (2 * self.quadratic[..., None] * self.amplitude**2))
+            next_ = np.fmax((part >= 0).argmax(-1), 1)
+            low, high = (np.take_along_axis(part, k[..., None], -1)[..., 0] for k in (next_ - 1, next_))
+            between = self.amplitude[next_] * (self.amplitude[next_ - 1] / self.amplitude[next_]) ** (high / (high - low))
+        return np.where((part >= 0).any(-1), between, np.nan)
+
+
 class Frame:
     """One frame; every array is read at the first access."""
 
@@ -750,6 +793,17 @@ class Run:
             raise RunError(f"{self.path}: the run has no axis profile")
         return Profile(arrays["time"], self.read(self._file["series_axes/profile_height"]), arrays["profile_momentum"],
                        arrays["profile_weight"])
+
+    @_read_once
+    def mode_energies(self):
+        """ModeEnergies of packings with -mode_amplitude."""
+        arrays = self._series_arrays
+        if "mode_energies" not in arrays or "series_axes" not in self._file:
+            raise RunError(f"{self.path}: the run has no energies along modes: run pack with -modes and -mode_amplitude")
+        amplitude = self.read(self._file["series_axes/mode_amplitude"])
+        energy, contacts = (arrays[name].reshape(len(arrays["time"]), -1, len(amplitude))
+                            for name in ("mode_energies", "mode_contact_energies"))
+        return ModeEnergies(amplitude, energy, contacts)
 
     def report(self, path=None, limit=5.0):
         """Writes a page for browsers with results, charts and a player of the frames (report.html in the folder of the run, or

@@ -1346,6 +1346,46 @@ def test_figure_of_packings_of_polygons(tmp_path):
         command.FIGURES["J4"].draw(as_measured(packed(2, 64, 2, 0.84)))
 
 
+def mode_rows(more=0, crossover=1.0):
+    """Rows of `packing_modes`: as many modes without stiffness as missing contacts, and `more`; energies with quadratic parts
+    proportional to the power `crossover` of the pressure, and quartic ones."""
+    amplitudes, rows = 10.0 ** np.arange(-5, -1), []
+    for k_b, pre_stress in ((0.0, "dropped"), (0.01, "dropped"), (0.0, "kept")):
+        for s in range(4):
+            for p in (1e-4, 1e-5, 1e-6):
+                missing = -s if k_b else 10 + s
+                whole = {"seed": s, "row": f"{k_b}-{pre_stress}-{s}", "model": "rough", "dim": 2, "n": 8, "n_vertices": 12, "k_b": k_b,
+                         "shape_parameter": 1.08, "pressure": p * (1 + 1e-7 * s), "missing": missing, "zero_modes": 2 + max(missing, 0) + more,
+                         "pre_stress": pre_stress}
+                if pre_stress == "dropped":
+                    rows.append(whole)
+                for kind, power, quadratic in (("no stiffness", 4, p**crossover), ("stiff", 2, 3.0)) if pre_stress == "kept" else ():
+                    rows.append(whole | {"kind": kind, "exponent": power + 0.01 * s, "with_exponent": 0.8, "quadratic": quadratic,
+                                         "crossover": quadratic**0.5 if power == 4 else np.nan})
+                    rows += [whole | {"kind": kind, "amplitude": a, "energy": quadratic * a**2 + a**4} for a in amplitudes]
+    return as_measured(rows)
+
+
+def test_figure_of_quartic_modes(tmp_path):
+    found = drawn("J6", mode_rows(), tmp_path)
+    of = "rough, A0 = 1.08, K_b = {}, N = 8, n_v = 12"
+    for k_b, missing in (("0", 11.5), ("0.01", -1.5)):
+        share = found[f"packings whose missing contacts are as many as modes without stiffness, {of.format(k_b)}"]
+        assert share.value == 1 and agree(share) == "yes" and found[f"missing contacts, {of.format(k_b)}"].value == missing
+    for kind, power in (("no stiffness", 4), ("stiff", 2)):
+        one = found[f"exponent of the energy in the displacement, {kind}, p = 1e-06, {of.format(0)}"]
+        assert one.value == pytest.approx(power + 0.015) and one.published.value == power and agree(one) == "no verdict"
+    low = found[f"exponent of p in the quadratic part, no stiffness, p = 1e-05 to 1e-06, {of.format(0)}"]
+    assert low.value == pytest.approx(1) and low.published.value == 1 and low.decides
+    half = found[f"exponent of p in the crossover, no stiffness, p = 1e-05 to 1e-06, {of.format(0)}"]
+    assert half.value == pytest.approx(0.5) and half.published.value == 0.5
+    wrong = drawn("J6", mode_rows(more=1, crossover=0.5))
+    assert agree(wrong[f"packings whose missing contacts are as many as modes without stiffness, {of.format(0)}"]) == "no"
+    assert wrong[f"exponent of p in the quadratic part, no stiffness, p = 1e-05 to 1e-06, {of.format(0)}"].value == pytest.approx(0.5)
+    alone = mode_rows()
+    assert len(drawn("J6", alone[alone["pre_stress"] == "dropped"].dropna(axis=1, how="all"), tmp_path)) == 4
+
+
 def test_figure_of_flow_curves(tmp_path):
     """Newtonian below the onset, a power at it, a yield stress above it."""
     rng, rows = np.random.default_rng(4), []

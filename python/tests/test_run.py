@@ -18,7 +18,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import VERTICES, write_run
 
 from pliant import PliantWarning, Run, RunError, analysis, load_runs, load_table, plotting, sweep, sweep_jobs, sweep_rows, sweep_table
-from pliant.run import FRAME_FIELDS
+from pliant.run import FRAME_FIELDS, ModeEnergies
 from pliant.symbols import model_name
 
 HERE = Path(__file__).resolve().parent
@@ -368,3 +368,19 @@ def test_a_picture_of_surfaces_shows_shaded_triangles_that_face_the_viewer(tmp_p
         behind = (run.frame(-1).active & (run.frame(-1).centres[:, 1] >= 0)).sum()  # the run is cut open along its axis
         assert behind > 3 and 8 * behind <= len(triangles.get_paths()) <= 12 * behind
         assert len(np.unique(triangles.get_facecolors(), axis=0)) > 5
+
+
+def test_exponents_along_modes():
+    """Between the crossover and the first contact that closes the energy is quartic; a stiff mode has no crossover."""
+    a = 10.0 ** np.arange(-4, 0, 0.125)
+    closed = 10 * np.fmax(a - 0.03, 0) ** 2
+    contacts = np.array([1e-12 / (1 + (1e3 * a) ** 2) + closed, 1e-12 + a**2])
+    along = ModeEnergies(a, np.array([[1e-7 * a**2 + a**4 + closed, 3 * a**2]]), contacts[None])
+    assert along.quadratic[0] == pytest.approx([1e-7 + 1e-8, 3])
+    where = along.above_crossover[0]
+    assert (a[where[0]] > 3e-3).all() and a[where[0]].max() == pytest.approx(a[a < 0.03].max()) and not where[1].any()
+    loose, stiff = along.exponents(along.above_crossover)[0]
+    assert loose == pytest.approx(4, abs=0.02) and np.isnan(stiff)
+    assert along.crossover[0] == pytest.approx([1.2e-7**0.5, np.nan], rel=0.02, nan_ok=True)
+    assert along.exponents(np.ones((1, 2, len(a)), bool))[0, 1] == pytest.approx(2)
+    assert np.isnan(along.exponents(along.above_crossover, least=9)).all()

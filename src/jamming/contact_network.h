@@ -39,9 +39,10 @@ struct ContactNetwork {
   Real coordination() const { return backbone > 0 ? 2.0 * touching() / backbone : 0; }
   /// The mean number of contacts of points, counted in the same way.
   Real contacts_per_particle() const { return backbone > 0 ? 2.0 * contacts / backbone : 0; }
-  /// Contacts of a packing of soft particles in a periodic box that just resists compression: the coordinates of all
-  /// particles but one, and the size of the box. 0 without any particle.
-  Index isostatic() const { return backbone > 0 ? D * (backbone - 1) + 1 : 0; }
+  /// Contacts of a packing in a periodic box that just resists compression and, without pre-stress, lets nothing but
+  /// translations free: one for each coordinate that the shape of a particle leaves free, without D translations of
+  /// the packing, and one for the size of the box. 0 without any particle.
+  Index isostatic(Index free_coordinates = D) const { return backbone > 0 ? free_coordinates * backbone - D + 1 : 0; }
 };
 
 /// The network at x [size of the system]. Contacts count if their force exceeds `threshold` times the typical force:

@@ -206,24 +206,31 @@ DensityOfStates density_of_states(std::span<const Real> frequencies, Real lowest
 }
 
 template <int D>
-std::vector<Real> energy_along(ParticleSystem<D>& system, std::span<const Real> x, std::span<const Real> direction,
-                               std::span<const Real> amplitudes) {
-  std::vector<Real> energies, moved;
+std::vector<PackingEnergy> energies_along(ParticleSystem<D>& system, std::span<const Real> x,
+                                          std::span<const Real> direction, std::span<const Real> amplitudes) {
+  std::vector<PackingEnergy> all;
+  std::vector<Real> moved;
+  const std::vector<Real> at_rest(x.size());  // for terms with dissipation
   for (const Real amplitude : amplitudes) {
     moved.assign(x.begin(), x.end());
     for (std::size_t k = 0; k < direction.size(); ++k) moved[k] += amplitude * direction[k];
-    energies.push_back(system.field().energy(system.view(moved.data(), nullptr)));
+    PackingEnergy& energy = all.emplace_back();
+    for (const TermReport& term : system.field().report(system.view(moved.data(), at_rest.data()))) {
+      if (!term.is_energy) continue;
+      energy.total += term.energy;
+      if (term.particle_energy.empty()) energy.contacts += term.energy;
+    }
   }
-  return energies;
+  return all;
 }
 
 template Modes modes(ParticleSystem<2>&, std::span<const Real>, const ModesOptions&);
 template Modes modes(ParticleSystem<3>&, std::span<const Real>, const ModesOptions&);
 template std::vector<Real> mode_displacements(const ParticleSystem<2>&, const Modes&, Index);
 template std::vector<Real> mode_displacements(const ParticleSystem<3>&, const Modes&, Index);
-template std::vector<Real> energy_along(ParticleSystem<2>&, std::span<const Real>, std::span<const Real>,
-                                        std::span<const Real>);
-template std::vector<Real> energy_along(ParticleSystem<3>&, std::span<const Real>, std::span<const Real>,
-                                        std::span<const Real>);
+template std::vector<PackingEnergy> energies_along(ParticleSystem<2>&, std::span<const Real>, std::span<const Real>,
+                                                   std::span<const Real>);
+template std::vector<PackingEnergy> energies_along(ParticleSystem<3>&, std::span<const Real>, std::span<const Real>,
+                                                   std::span<const Real>);
 
 }  // namespace pliant

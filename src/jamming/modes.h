@@ -63,10 +63,14 @@ struct DensityOfStates {
 /// range that is empty.
 DensityOfStates density_of_states(std::span<const Real> frequencies, Real lowest, Real highest, Index bins);
 
-/// Energies U(x + amplitude · direction) for direction [own points · D]. A mode without stiffness may have a quartic
-/// energy.
+/// Energies of a packing.
+struct PackingEnergy {
+  Real total = 0;
+  Real contacts = 0;  ///< its part between particles
+};
+/// At x + amplitude · direction for each amplitude, direction [own points · D].
 template <int D>
-std::vector<Real> energy_along(ParticleSystem<D>& system, std::span<const Real> x, std::span<const Real> direction,
-                               std::span<const Real> amplitudes);
+std::vector<PackingEnergy> energies_along(ParticleSystem<D>& system, std::span<const Real> x,
+                                          std::span<const Real> direction, std::span<const Real> amplitudes);
 
 }  // namespace pliant

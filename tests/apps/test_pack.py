@@ -171,9 +171,33 @@ def test_zero_modes_of_polygons_without_bending(seed, tmp_path):
     frequencies = np.sort(frequencies[np.isfinite(frequencies)])
     zero = s["backbone"] * (10 - 1) - s["contacts"] + 1
     assert len(frequencies) == 2 * 10 * s["backbone"] and 8 < zero < 60
+    assert s["zero_modes"] == run.series["zero_modes"][-1] == zero and s["isostatic_contacts"] - s["contacts"] == zero - 2
     assert frequencies[zero - 1] < 1e-6 < 1e-3 < frequencies[zero]
     kept = np.abs(pack(tmp_path / "kept", **options).series["frequencies"][-1])
     assert (np.sort(kept[np.isfinite(kept)])[:3] < [1e-6, 1e-6, np.inf]).all() and np.sort(kept)[2] > 1e-5
+
+
+def test_quartic_modes_of_polygons(tmp_path):
+    """Along modes without stiffness the energy is quadratic up to a crossover, with a coefficient proportional to the pressure, and
+    quartic above it; along stiff modes it is quadratic. Bending leaves no mode without stiffness."""
+    options = {"n": 8, "model": "rough", "n_vertices": 12, "shape_parameter": 1.08, "pressure": 1e-6, "modes": 192}
+    counted, bent = (pack(tmp_path / f"{k_b:g}", k_b=k_b, pre_stress="dropped", **options).summary for k_b in (0, 0.01))
+    missing = counted["isostatic_contacts"] - counted["contacts"]
+    assert counted["zero_modes"] - 2 == missing > 8
+    assert bent["zero_modes"] == 2 and bent["isostatic_contacts"] == 3 * bent["backbone"] - 1 <= bent["contacts"]
+    pack(tmp_path / "along", mode_amplitude=0.05, **options)
+    with Run(tmp_path / "along") as run:
+        along, pressure = run.mode_energies, run.series["pressure"].to_numpy()
+    assert along.amplitude == pytest.approx(0.05 * 10 ** (np.arange(-32, 1) / 8)) and along.energy.shape == (6, 192, 33)
+    loose, stiff = slice(2, 2 + missing), slice(2 + missing, None)
+    exponents = along.exponents(along.above_crossover)[-1]
+    known = exponents[loose][np.isfinite(exponents[loose])]
+    assert len(known) > missing / 2 and (abs(known - 4) < 0.1).all()
+    small = np.broadcast_to(along.amplitude < 0.01, along.energy.shape)
+    assert np.median(along.exponents(small)[-1, stiff]) == pytest.approx(2, abs=0.02)
+    assert np.median(along.exponents(along.amplitude < 3e-5 * (along.energy > 0))[-2, loose]) == pytest.approx(2, abs=0.1)
+    loose_ratio, stiff_ratio = (np.median(along.quadratic[-1, of] / along.quadratic[-2, of]) for of in (loose, stiff))
+    assert loose_ratio == pytest.approx(pressure[-1] / pressure[-2], rel=0.1) and stiff_ratio == pytest.approx(1, rel=0.1)
 
 
 def test_modes_in_frames_and_pictures(tmp_path):
@@ -276,7 +300,8 @@ def test_threads_change_nothing(tmp_path):
     ({"path": "quench", "pressure": 1e-3}, "-pressure"), ({"path": "compress", "start_pressure": 1e-2}, "-start_pressure"),
     ({"path": "compress", "fraction": 0.95}, "there is nothing to compress"), ({"ensemble_workers": 2}, "give -ensemble"),
     ({"fraction_step": 1e-3}, "-path decompress, which does not read it"),
-    ({"mu": 0.1}, "unknown option -mu"), ({"modes": 65}, "-modes 65"), ({"max_iterations": 3}, "has not converged")])
+    ({"mu": 0.1}, "unknown option -mu"), ({"modes": 65}, "-modes 65"), ({"mode_amplitude": 0.1}, "-modes 0"),
+    ({"max_iterations": 3}, "has not converged")])
 def test_refusals(options, message, tmp_path):
     result = pliant("pack", output=tmp_path / "run", **{"n": 32, **options})
     assert result.returncode == (3 if "max_iterations" in options else 2) and message in result.stderr, result.stderr

@@ -24,6 +24,7 @@ _LABELS = {
     "fraction": "packing fraction φ", "pressure": "pressure p", "shear_stress": "shear stress σ_xy", "strain": "strain γ",
     "shear_modulus": "shear modulus G", "bulk_modulus": "bulk modulus B", "coordination": "touching neighbours per particle",
     "contacts": "contacts without rattlers", "isostatic_contacts": "isostatic number of contacts", "touching_pairs": "touching pairs",
+    "zero_modes": "modes with the frequency zero",
     "rattlers": "rattlers", "backbone": "particles without rattlers", "energy": "energy U", "max_force": "largest force on a point",
     "Q": "flow rate Q", "Q_corrected": "flow rate over packing fraction at the orifice, Q′", "Q_correlation_time": "correlation time of Q",
     "orifice_density": "number density at the orifice", "orifice_velocity": "velocity at the orifice", "bulk_fraction": "packing fraction",

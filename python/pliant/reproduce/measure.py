@@ -33,6 +33,7 @@ _PACKING = ["model", "dim", "path", "start_pressure", "size_distribution", "n_ve
 #: Results of a packing.
 _PACKED = ["pressure", "fraction", "rim_fraction", "contacts", "touching_pairs", "backbone", "coordination", "shear_modulus"]
 _FLOWING = ["model", "dim", "shear_rate", "zeta", *(name + end for name in ("flow_stress", "flow_pressure") for end in ("", "_error"))]
+_STIFF = 0.2  #: part of the amplitudes at which the exponents of stiff modes are measured
 NEIGHBOURS = (11, 15, 20)  #: in D2_min, which [T] tried
 _CURVE = 300  # number of samples of a stored force curve
 
@@ -97,6 +98,38 @@ def packings(run):
     series = run.series[run.series["time"] > 0]
     found = pd.DataFrame({name: series[name] if name in series else np.nan for name in _PACKED})
     return found.assign(start_fraction=run.parameters["fraction"], **_columns(run, _PACKING))
+
+
+def packing_modes(run):
+    """Contacts and modes of each packing. With energies along modes also, of the modes without stiffness and of the stiff ones: their
+    median energy against the amplitude, and, in the row without amplitude, the medians of the exponents, of the coefficient of the
+    quadratic part and of the crossover, and the share of modes that have an exponent."""
+    options, series = run.parameters, run.series
+    free = 3 if options["k_b"] > 0 else options["n_vertices"] - 1
+    counts = series[["pressure", "backbone", "contacts", "zero_modes"]].assign(
+        missing=free * series["backbone"] - 1 - series["contacts"], pre_stress=options["pre_stress"], **_columns(run, _PACKING))
+    if "mode_energies" not in run.vector_series:
+        return counts[series["time"] > 0]
+    along, tables = run.mode_energies, []
+    crossover = along.crossover  # NaN of stiff modes
+    small = along.amplitude <= _STIFF * along.amplitude[-1]
+    exponents = {"no stiffness": along.exponents(along.above_crossover), "stiff": along.exponents(np.broadcast_to(small, along.energy.shape))}
+    for packing in np.flatnonzero(series["time"] > 0):
+        first = run.dim + int(max(counts["missing"][packing], 0))
+        last = int(np.isfinite(along.energy[packing, :, 0]).sum())
+        for kind, modes in (("no stiffness", slice(run.dim, first)), ("stiff", slice(first, last))):
+            energy = along.energy[packing, modes]
+            if not len(energy):
+                continue
+            own = exponents[kind][packing, modes]
+            known = np.isfinite(own)
+            whole = {"exponent": np.median(own[known]) if known.any() else np.nan, "with_exponent": known.mean(),
+                     "quadratic": np.median(along.quadratic[packing, modes]),
+                     "crossover": np.median(crossover[packing, modes])}
+            curve = pd.DataFrame({"amplitude": [np.nan, *along.amplitude], "energy": [np.nan, *np.median(energy, 0)]})
+            tables.append(curve.assign(kind=kind, **counts.iloc[packing], **{name: [value] + [np.nan] * len(along.amplitude)
+                                                                              for name, value in whole.items()}))
+    return pd.concat(tables, ignore_index=True)
 
 
 def shear_flows(run):
@@ -242,7 +275,7 @@ def snapshots(run):
         **_distribution(run, {"polydispersity": kept.polydispersity}))
 
 
-MEASURES = {f.__name__: f for f in (flows, readings, profiles, reductions, fractures, forces, clogs, packings, shear_flows,
+MEASURES = {f.__name__: f for f in (flows, readings, profiles, reductions, fractures, forces, clogs, packings, packing_modes, shear_flows,
                                     motion, intervals, sizes, distances, neighbours, cells, snapshots)}
 
 

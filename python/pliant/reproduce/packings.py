@@ -217,6 +217,80 @@ def draw_polygons(measured):
     return figure, quantities
 
 
+def _polygons(row):
+    """Words for the particles of a packing."""
+    return f"{row['model']}, A0 = {_shape(row):.4g}, K_b = {row['k_b']:g}, N = {row['n']}, n_v = {row['n_vertices']:g}"
+
+
+def draw_modes(measured):
+    """Modes without stiffness against missing contacts, and the energy along modes."""
+    measured = measured.assign(particles=[_polygons(row) for _, row in measured.iterrows()])
+    figure, (left, right) = plt.subplots(1, 2, figsize=(plotting.PAGE, 5), layout="constrained")
+    counted = measured[measured["pre_stress"] == "dropped"]
+    quantities = _count_modes(left, counted) if len(counted) else []
+    if "energy" in measured:
+        quantities += _energies(right, measured[measured["pre_stress"] == "kept"])
+    return figure, quantities
+
+
+def _count_modes(axes, counted):
+    """Draws the numbers of modes without stiffness, translations not included, of the packings at the lowest pressure."""
+    last = _last(counted)
+    last = last.assign(free=last["zero_modes"] - last["dim"], one=1)
+    last["equal"] = (last["free"] == last["missing"].clip(lower=0)).astype(float)
+    quantities = []
+    for i, ((particles,), own) in enumerate(ensemble.groups(last, ["particles"])):
+        axes.plot(own["missing"], own["free"], ls="none", label=particles, **plotting.symbol(i))
+        for row in ensemble.scatter(own, ["particles"], "equal", trials="one").itertuples():
+            quantities.append(Quantity(f"packings whose missing contacts are as many as modes without stiffness, {particles}", row.equal,
+                                       row.equal_error, published.QUARTIC_COUNT))
+        quantities += [Quantity(f"missing contacts, {particles}", row.missing, row.missing_error)
+                       for row in ensemble.scatter(own, ["particles"], "missing").itertuples()]
+    ends = np.array([last["missing"].min(), 0, max(last["missing"].max(), 0)])
+    axes.plot(ends, ends.clip(min=0), "-.", color="0.3", lw=1, label="as many as missing contacts", zorder=1)
+    axes.set(xlabel=r"missing contacts  $N_{iso} - N_c$", ylabel="modes without stiffness")
+    axes.legend(**plotting.ABOVE | {"ncols": 1})
+    return quantities
+
+
+def _energies(axes, measured):
+    """Draws median energies along modes at the lowest pressure and at a pressure 100 times as high."""
+    quantities = []
+    for (particles,), own in ensemble.groups(measured, ["particles"]):
+        own = own.assign(step=[float(f"{p:.3g}") for p in own["pressure"]])
+        whole = own[own["amplitude"].isna()]
+        steps = np.sort(whole["step"].unique())
+        pressures = steps[0], steps[np.abs(np.log(steps / (100 * steps[0]))).argmin()]
+        for k, (kind, line) in enumerate((("no stiffness", "-"), ("stiff", "--"))):
+            for i, p in enumerate(pressures):
+                curve = own[(own["kind"] == kind) & (own["step"] == p) & own["amplitude"].notna()].groupby("amplitude")["energy"].median()
+                axes.plot(curve.index, curve, line, color=plotting.color(i), lw=1.3, label=f"{kind}, $p$ = {p:g}")
+            found = whole[(whole["kind"] == kind) & (whole["step"] == pressures[0])]
+            name = f"{kind}, p = {pressures[0]:g}, {particles}"
+            quantities += [Quantity(f"exponent of the energy in the displacement, {name}", row.exponent, row.exponent_error,
+                                    published.QUARTIC[kind], decides=False)
+                           for row in ensemble.scatter(found, ["kind"], "exponent").itertuples()]
+            quantities += [Quantity(f"share of modes with an exponent, {name}", row.with_exponent, row.with_exponent_error)
+                           for row in ensemble.scatter(found, ["kind"], "with_exponent").itertuples() if kind == "no stiffness"]
+        loose = whole[whole["kind"] == "no stiffness"]
+        for column, words in (("quadratic", "quadratic part"), ("crossover", "crossover")):
+            values = loose.pivot_table(index=["table", "row"], columns="step", values=column)
+            quantities += [Quantity(f"{words}, no stiffness, p = {p:g}, {particles}", values[p].mean(), values[p].sem()) for p in values]
+            for upper, lower in zip(values.columns[:0:-1], values.columns[-2::-1]):
+                both = values[[upper, lower]].dropna()
+                powers = np.log(both[upper] / both[lower]) / np.log(upper / lower)
+                quantities.append(Quantity(f"exponent of p in the {words}, no stiffness, p = {upper:g} to {lower:g}, {particles}",
+                                           powers.mean(), powers.sem(), published.QUARTIC_PRESSURE[column],
+                                           decides=lower == pressures[0]))
+    x = np.array([1e-3, 1e-2])
+    for power, factor in ((4, 30), (2, 3)):
+        axes.plot(x, factor * x**power, "-.", color="0.3", lw=1, label=f"slope {power}")
+    log_axes(axes)
+    axes.set(xlabel=r"displacement  $\delta$  [$\sigma_{avg}$]", ylabel=r"$\Delta U$  [$\epsilon$]")
+    axes.legend(**plotting.ABOVE)
+    return quantities
+
+
 def herschel_bulkley(rate, stress, factor, power):
     """Shear stress of a fluid with a yield stress."""
     return stress + factor * rate**power
@@ -307,4 +381,7 @@ FIGURES = [
     Figure("J5", "stress of steady shear flows against the shear rate", ("quick/flow",), ("packings/flow",), "shear_flows", draw_flow,
            "64 disks, higher rates, fewer seeds", tells=("n", "fraction", "shear_rate", "zeta"), kind="soft", planar=True,
            ensembles=True),
+    Figure("J6", "modes without stiffness and missing contacts of packings of polygons, and the energy along modes", ("quick/modes",),
+           ("packings/modes",), "packing_modes", draw_modes, "two shapes, fewer seeds",
+           tells=("model", "n", "n_vertices", "k_b", "shape_parameter", "pre_stress"), kind="deformable", planar=True, ensembles=True),
 ]

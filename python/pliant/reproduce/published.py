@@ -107,6 +107,13 @@ JAMMED_POWER = {"p": Published(1.0, 0.0, "O"), "Z - Z_iso": Published(0.5, 0.0, 
 #: Shape parameter at which packings of deformable polygons fill the box.
 CONFLUENT_SHAPE = 1.16
 CONFLUENCE = Published(1.0, 0.01, "A. Boromand et al. 2018: confluence at 1.16")
+#: Modes without stiffness of packings of deformable polygons are as many as the contacts that are missing; exponents of the energy
+#: in the displacement along these modes, and along the others; exponents of the pressure in the quadratic part of the former, and in
+#: the displacement at which the energy is twice the quadratic part.
+QUARTIC_COUNT = Published(1.0, 0.0, "J. D. Treado et al. 2021")
+QUARTIC = {"no stiffness": Published(4.0, 0.0, "J. D. Treado et al. 2021"), "stiff": Published(2.0, 0.0, "J. D. Treado et al. 2021")}
+QUARTIC_PRESSURE = {"quadratic": Published(1.0, 0.0, "J. D. Treado et al. 2021: proportional to the pre-stress"),
+                    "crossover": Published(0.5, 0.0, "J. D. Treado et al. 2021: from the quadratic part")}
 #: Exponents of the shear stress in the shear rate, with drag relative to the flow, as the rate goes to 0: below the fraction at
 #: which flows jam, and at it.
 FLOW_JAMMED = 0.8434

@@ -99,6 +99,29 @@ void PackingOptions::bind_analysis(Options& o) {
          {.help = "modes: with pre-stress, or as if contacts and shapes were at rest",
           .only_with = "-modes",
           .on_restart = fixed});
+  o.bind("mode_amplitude", mode_amplitude,
+         {.help = "energies of packings displaced along modes: largest displacement of a point, and 32 smaller ones",
+          .unit = "sigma_avg",
+          .only_with = "-modes",
+          .min = 0,
+          .min_open = true,
+          .automatic = "no such energies",
+          .on_restart = fixed});
+}
+
+std::vector<Real> PackingOptions::mode_amplitudes() const {
+  constexpr int per_decade = 8, decades = 4;
+  std::vector<Real> all;
+  if (mode_amplitude)
+    for (int k = -decades * per_decade; k <= 0; ++k)
+      all.push_back(*mode_amplitude * std::pow(Real(10), Real(k) / per_decade));
+  return all;
+}
+
+std::optional<Index> PackingOptions::free_coordinates() const {
+  if (!model.deformable()) return dim;
+  if (dim == 3 || !(model.value(Role::perimeter) > 0 && model.value(Role::area) > 0)) return {};
+  return model.value(Role::bending) > 0 ? 3 : shape.vertices - 1;
 }
 
 void PackingOptions::bind_packing_output(Options& o, const std::string& step) {
@@ -114,7 +137,7 @@ void PackingOptions::refuse_unread(const Options& options) const {
   if (!model.deformable()) refuse_unread_by("-model " + model.name, options, {"mesh"});
   if (dim == 2) refuse_unread_by("-dim 2", options, {"mesh"});
   if (!mesh.empty()) refuse_unread_by("-mesh", options, {"n_vertices"});
-  if (modes == 0) refuse_unread_by("-modes 0", options, {"pre_stress"});
+  if (modes == 0) refuse_unread_by("-modes 0", options, {"pre_stress", "mode_amplitude"});
 }
 
 void PackOptions::bind_path(Options& o, bool compresses) {

@@ -32,7 +32,13 @@ struct PackingOptions : RunOptions {
   bool moduli = false;
   Index modes = 0;
   PreStress pre_stress = PreStress::kept;
+  std::optional<Real> mode_amplitude;  ///< largest displacement of a point
 
+  /// Of the energies along modes, in ascending order; none without -mode_amplitude.
+  std::vector<Real> mode_amplitudes() const;
+  /// Coordinates of a particle that the stiffness of its shape leaves free; nothing for surfaces, and for polygons
+  /// whose edges or area have no stiffness.
+  std::optional<Index> free_coordinates() const;
   Index points() const { return model.deformable() ? particles * shape.vertices : particles; }
   /// Errors: InputError for options that the model does not read.
   void refuse_unread(const Options& options) const;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include <pliant/base/console.h>
@@ -250,8 +251,10 @@ void PackingProtocol<D>::ready() {
 
 template <int D>
 void PackingProtocol<D>::find_modes() {
-  frequencies_.clear();
-  participation_.clear();
+  const std::vector<Real> amplitudes = p_.mode_amplitudes();
+  zero_modes_ = 0;
+  for (std::vector<Real>* values : {&frequencies_, &participation_, &mode_energies_, &mode_contact_energies_})
+    values->clear();
   const auto points = static_cast<std::size_t>(this->topology().owned_points()),
              width = static_cast<std::size_t>(std::min(p_.modes, most_drawn)) * D;
   mode_displacements_.assign(points * width, 0);
@@ -262,14 +265,28 @@ void PackingProtocol<D>::find_modes() {
         pliant::modes<D>(this->particles(), x(), {.lowest = std::min(p_.modes, most), .pre_stress = p_.pre_stress});
     frequencies_ = found.frequencies();
     participation_ = found.participation;
+    zero_modes_ = found.zero;
     for (Index k = 0; k < std::min<Index>(found.vectors.cols(), most_drawn); ++k) {
       const std::vector<Real> mode = mode_displacements(this->particles(), found, k);
       for (std::size_t i = 0; i < points; ++i)
         std::copy_n(&mode[i * D], D, &mode_displacements_[i * width + static_cast<std::size_t>(k) * D]);
     }
+    if (!amplitudes.empty()) {
+      const std::vector<Real> nowhere(points * D);
+      const Real at_rest = energies_along<D>(this->particles(), x(), nowhere, std::array{Real(0)})[0].total;
+      for (Index k = 0; k < found.vectors.cols(); ++k)
+        for (const PackingEnergy& one :
+             energies_along<D>(this->particles(), x(), mode_displacements(this->particles(), found, k), amplitudes)) {
+          mode_energies_.push_back(one.total - at_rest);
+          mode_contact_energies_.push_back(one.contacts);
+        }
+    }
   }
-  for (std::vector<Real>* values : {&frequencies_, &participation_})
-    values->resize(static_cast<std::size_t>(p_.modes), std::numeric_limits<Real>::quiet_NaN());
+  const auto fill = [&](std::vector<Real>& values, std::size_t of_mode) {
+    values.resize(static_cast<std::size_t>(p_.modes) * of_mode, std::numeric_limits<Real>::quiet_NaN());
+  };
+  for (std::vector<Real>* values : {&frequencies_, &participation_}) fill(*values, 1);
+  for (std::vector<Real>* values : {&mode_energies_, &mode_contact_energies_}) fill(*values, amplitudes.size());
 }
 
 template <int D>
@@ -314,6 +331,11 @@ std::vector<SeriesValue> PackingProtocol<D>::sample() {
   if (p_.modes > 0) {
     row.emplace_back("frequencies", frequencies_);
     row.emplace_back("participation", participation_);
+    row.emplace_back("zero_modes", static_cast<Real>(zero_modes_));
+    if (p_.mode_amplitude) {
+      row.emplace_back("mode_energies", mode_energies_);
+      row.emplace_back("mode_contact_energies", mode_contact_energies_);
+    }
   }
   measure(row);
   return row;
@@ -351,7 +373,7 @@ void PackingProtocol<D>::conclude(nlohmann::ordered_json& s) {
   s["relaxed"] = energies_.relaxed;
   s["max_force"] = minimum_.max_force;
   s["contacts"] = network_.contacts;
-  if (!p_.model.deformable()) s["isostatic_contacts"] = network_.isostatic();
+  if (const auto free = p_.free_coordinates()) s["isostatic_contacts"] = network_.isostatic(*free);
   s["touching_pairs"] = network_.touching();
   s["backbone"] = network_.backbone;
   s["rattlers"] = network_.rattlers.size();
@@ -360,15 +382,21 @@ void PackingProtocol<D>::conclude(nlohmann::ordered_json& s) {
     s["bulk_modulus"] = moduli_.bulk();
     s["shear_modulus"] = moduli_.shear();
   }
+  if (p_.modes > 0) s["zero_modes"] = zero_modes_;
   conclude_more(s);
+}
+
+template <int D>
+void PackingProtocol<D>::write_axes(RunWriter& writer) const {
+  if (p_.mode_amplitude) writer.write_axis("mode_amplitude", p_.mode_amplitudes());
 }
 
 template <int D>
 void PackingProtocol<D>::report(const Series&, nlohmann::ordered_json& s) {
   say("fraction {:.6g} at the pressure {:.4g} eps/sigma_avg^{}; {} contacts{}, rattlers: {} of {} particles\n",
       Real(s["fraction"]), Real(s["pressure"]), D, network_.contacts,
-      p_.model.deformable() ? "" : fmt::format(" (isostatic: {})", network_.isostatic()), network_.rattlers.size(),
-      p_.particles);
+      s.contains("isostatic_contacts") ? fmt::format(" (isostatic: {})", Index(s["isostatic_contacts"])) : "",
+      network_.rattlers.size(), p_.particles);
 }
 
 template <int D>

@@ -38,6 +38,7 @@ class PackingProtocol : public Protocol<D> {
   void report(const Series& series, nlohmann::ordered_json& summary) final;
   bool measures_stress() const final { return true; }
   const std::vector<Real>* modes() const final { return p_.modes > 0 ? &mode_displacements_ : nullptr; }
+  void write_axes(RunWriter& writer) const final;
   std::string progress() const final;
 
  protected:
@@ -89,8 +90,10 @@ class PackingProtocol : public Protocol<D> {
   Energies energies_;
   ContactNetwork<D> network_;
   Moduli<D> moduli_;
-  std::vector<Real> frequencies_, participation_;  ///< [modes]
-  std::vector<Real> mode_displacements_;           ///< [own points · lowest modes · D], 0 of rattlers
+  std::vector<Real> frequencies_, participation_;            ///< [modes]
+  std::vector<Real> mode_energies_, mode_contact_energies_;  ///< [modes · amplitudes]
+  Index zero_modes_ = 0;
+  std::vector<Real> mode_displacements_;  ///< [own points · lowest modes · D], 0 of rattlers
   std::int64_t evaluations_ = 0;
   bool interrupted_ = false;  ///< a stop request has ended the last minimisation
 };
