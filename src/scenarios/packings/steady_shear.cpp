@@ -75,23 +75,38 @@ std::vector<FastestRates> SteadyShear<D>::motions() const {
   return motions_of(critical_, p_.model, this->particles().field(), this->simulation().all());
 }
 
+/// The root makes the packing, because energies are minimised on one rank. If each rank made the packing, ranks on
+/// different types of processors could obtain different packings, because a minimisation amplifies rounding errors.
 template <int D>
 std::vector<Real> SteadyShear<D>::start() {
-  const PackOptions options = preparation(p_);
-  PackProtocol<D> packing(options, this->ranks(), false);
-  Simulation<D>& packed = packing.simulation();
-  packed.set_integrator(packing.make_integrator(1));
-  packed.place(packing.start());
-  packed.advance(packing.last_time());
-  box_ = packed.particles().box();
-  this->particles().set_box(box_);
-  this->particles().shear_at(*p_.rate);
-  const Topology &from = packed.topology(), &all = this->simulation().all();
-  std::vector<Real> x(static_cast<std::size_t>(all.points()) * D);
-  for (Index m = 0; m < from.owned(); ++m)
-    std::copy_n(&packed.state().x()[static_cast<std::size_t>(from.offset[m]) * D], from.points_of(m) * D,
-                &x[static_cast<std::size_t>(all.offset[from.id[m]]) * D]);
+  const Topology& all = this->simulation().all();
+  std::vector<Real> x, length;
+  this->ranks().on_root([&] {
+    const PackOptions options = preparation(p_);
+    PackProtocol<D> packing(options, Ranks(), false);
+    Simulation<D>& packed = packing.simulation();
+    packed.set_integrator(packing.make_integrator(1));
+    packed.place(packing.start());
+    packed.advance(packing.last_time());
+    const Vec<D>& edges = packed.particles().box().length();
+    length.assign(edges.begin(), edges.end());
+    const Topology& from = packed.topology();
+    x.resize(static_cast<std::size_t>(all.points()) * D);
+    for (Index m = 0; m < from.owned(); ++m)
+      std::copy_n(&packed.state().x()[static_cast<std::size_t>(from.offset[m]) * D], from.points_of(m) * D,
+                  &x[static_cast<std::size_t>(all.offset[from.id[m]]) * D]);
+  });
+  this->ranks().broadcast(x);
+  this->ranks().broadcast(length);
+  shear_box(length);
   return x;
+}
+
+template <int D>
+void SteadyShear<D>::shear_box(const std::vector<Real>& length) {
+  box_ = Box<D>(Vec<D>::Zero(), Eigen::Map<const Vec<D>>(length.data()));
+  this->particles().set_box(box_);
+  this->particles().shear_at(*p_.rate, shortened_);
 }
 
 template <int D>
@@ -131,10 +146,14 @@ typename SteadyShear<D>::Measured SteadyShear<D>::measure() {
     now.kinetic_energy += mass / 2 * w.squaredNorm();
     now.momentum += mass * w;
   }
-  now.stress /= volume();
-  now.kinetic /= volume();
   now.energy = field.energy(s);
   now.drag_power = field.power(s);
+  const Ranks& ranks = this->ranks();
+  for (Mat<D>* const sum : {&now.stress, &now.kinetic}) ranks.sum(std::span(sum->data(), D * D));
+  ranks.sum(std::span(now.momentum.data(), D));
+  for (Real* const sum : {&now.energy, &now.kinetic_energy, &now.drag_power}) *sum = ranks.sum(*sum);
+  now.stress /= volume();
+  now.kinetic /= volume();
   return now;
 }
 
@@ -183,6 +202,7 @@ std::vector<SeriesValue> SteadyShear<D>::sample() {
     pairs.insert(std::minmax(c.first, c.second));
     overlap = std::max(overlap, c.overlap);
   });
+  const std::int64_t all_pairs = this->ranks().sum(static_cast<std::int64_t>(pairs.size()));
   return {{"time", this->state().t},
           {"dt", this->step_taken()},
           {"strain", strain()},
@@ -196,8 +216,8 @@ std::vector<SeriesValue> SteadyShear<D>::sample() {
           {"heat", b.heat},
           {"momentum", std::vector<Real>(now.momentum.begin(), now.momentum.end())},
           {"fraction", packing_fraction(this->particles(), this->state().x().data())},
-          {"contact_pairs", static_cast<Real>(pairs.size())},
-          {"max_overlap", overlap}};
+          {"contact_pairs", static_cast<Real>(all_pairs)},
+          {"max_overlap", this->ranks().max(overlap)}};
 }
 
 template <int D>
@@ -215,10 +235,7 @@ void SteadyShear<D>::visit(Archive& a) {
   a.number("largest_kinetic_energy", largest_kinetic_, 0);
   work_.visit(a, "work_of_shear");
   heat_.visit(a, "heat_of_drag");
-  if (!a.reads()) return;
-  box_ = Box<D>(Vec<D>::Zero(), Eigen::Map<const Vec<D>>(length.data()));
-  this->particles().set_box(box_);
-  this->particles().shear_at(*p_.rate, shortened_);
+  if (a.reads()) shear_box(length);
 }
 
 template <int D>

@@ -45,7 +45,7 @@ class SteadyShear final : public Protocol<D> {
   void report(const Series& series, nlohmann::ordered_json& summary) override;
 
  private:
-  /// Sums over the particles at the present time.
+  /// Sums over the particles of all ranks at the present time.
   struct Measured {
     Mat<D> stress = Mat<D>::Zero();   ///< the part that the energy terms cause
     Mat<D> kinetic = Mat<D>::Zero();  ///< kinetic part of the stress
@@ -55,6 +55,8 @@ class SteadyShear final : public Protocol<D> {
     Real pressure() const { return -(stress + kinetic).trace() / D; }
   };
   std::vector<FastestRates> motions() const;
+  /// The box of the packing, with edges of these lengths, is sheared from now on.
+  void shear_box(const std::vector<Real>& length);
   Measured measure();
   /// A value of the integrals of work and heat.
   void integrate(const Measured& now);
