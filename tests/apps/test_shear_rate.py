@@ -84,6 +84,13 @@ def test_integrators_agree(tmp_path):
         assert np.abs(apart).max() < error, name
 
 
+def test_work_with_error_control(tmp_path):
+    """Steps of such methods are long: work and heat are sampled at every step."""
+    run = shear(tmp_path / "run", shear_rate=0.1, integrator="ts", ts_type="rk")
+    assert run.summary["steps"] < 100
+    assert run.summary["energy_audit"]["relative_error"] < 0.02
+
+
 def test_flow_stress_of_a_steady_state(tmp_path):
     """Without a steady state there is no flow stress; with one the work equals the heat in the mean."""
     short = shear(tmp_path / "short", strain=0.4).summary
@@ -108,8 +115,24 @@ def test_a_short_run_has_a_flow_stress_without_an_error(tmp_path):
     assert "eps/sigma_avg^2 (no error: the run is too short), viscosity" in result.stdout and "nan" not in result.stdout
 
 
+def test_work_of_rare_contacts(tmp_path):
+    """Between two particles the stress changes within a few of the steps at which it is sampled: its work is uncertain, and
+    such a gain of energy is no error."""
+    run = shear(tmp_path / "run", n=2, path="decompress", fraction=0.9, shear_rate=0.1, strain=2)
+    audit = run.summary["energy_audit"]
+    assert audit["change"] > audit["work"] and audit["relative_error"] > 0.5 and audit["uncertainty"] > audit["relative_error"]
+
+
+def test_steps_of_fast_flows(tmp_path):
+    """The strain grows by 0.1 in a step, at most; more gives a warning."""
+    run = shear(tmp_path / "run", shear_rate=20)
+    assert run.summary["dt"] == pytest.approx(0.005)
+    result = pliant("shear", output=tmp_path / "long", **{**DENSE, "shear_rate": 20, "dt": 0.01})
+    assert result.returncode == 0 and "-dt 0.01 with -shear_rate 20: the strain grows by 0.2" in result.stderr, result.stderr
+
+
 @pytest.mark.parametrize("options, message", [
-    ({"shear_rate": 0}, "-shear_rate"), ({"shear_rate": 100}, "is longer than the run, 0.01 t0"), ({"shear_rate": "nan"}, "-shear_rate"), ({"moduli": "yes"}, "-moduli"),
+    ({"shear_rate": 0}, "-shear_rate"), ({"shear_rate": 100, "dt": 0.02}, "is longer than the run, 0.01 t0"), ({"shear_rate": "nan"}, "-shear_rate"), ({"moduli": "yes"}, "-moduli"),
     ({"strain_step": 0.01}, "-strain_step"), ({"control": "pressure"}, "-control"), ({"dt": 5}, "limit of stability"),
     ({"path": "compress"}, "-path compress"), ({"zeta": -1}, "-zeta"), ({"cycles": 2}, "-cycles")])
 def test_refusals(options, message, tmp_path):

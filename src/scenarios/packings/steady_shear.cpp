@@ -12,6 +12,7 @@
 #include <pliant/base/console.h>
 #include <pliant/io/summary.h>
 #include <pliant/model/drag.h>
+#include <pliant/run/step_check.h>
 #include <pliant/scenarios/packings/measures.h>
 #include <pliant/scenarios/packings/pack.h>
 #include <pliant/scenarios/particles/motions.h>
@@ -22,8 +23,8 @@
 namespace pliant {
 namespace {
 
-/// Steps between values of the integrals of work and heat. A contact oscillates in more than 30 standard steps.
-constexpr std::int64_t stride = 8;
+/// Largest growth of the strain in a step; with a larger one touching particles pass each other in a few steps.
+constexpr Real most_strain = 0.1;
 
 /// All terms but the drag, which has no part in a minimum of the energy.
 PackOptions preparation(const ShearOptions& p) {
@@ -47,7 +48,8 @@ template <int D>
 SteadyShear<D>::SteadyShear(const ShearOptions& p, const Ranks& ranks)
     : Protocol<D>(make_simulation<D>(p, ranks)), p_(p) {
   critical_ = this->particles().field().critical_step(this->simulation().all());
-  dt_ = p.dt.value_or(critical_.standard(std::min(0.2 * critical_.elastic, 0.5 * critical_.damping)));
+  dt_ = p.dt.value_or(
+      critical_.standard(std::min({0.2 * critical_.elastic, 0.5 * critical_.damping, most_strain / *p.rate})));
   if (!p.dt && p.integrator != ShearIntegrator::verlet)
     dt_ = standard_step(TsIntegrator({}, MPI_COMM_SELF), motions(), dt_);
 }
@@ -68,6 +70,17 @@ std::unique_ptr<Integrator> SteadyShear<D>::make_integrator(Real dt) {
   }
   critical_step_ = longest_stable_step(*integrator, motions());
   return integrator;
+}
+
+template <int D>
+void SteadyShear<D>::check() const {
+  const Integrator& integrator = this->simulation().integrator();
+  const Real dt = integrator.next_dt(), strain = dt * *p_.rate;
+  if (integrator.explicit_fixed_step() && above(strain, most_strain) && this->ranks().root())
+    warn(
+        "-dt {:g} with -shear_rate {:g}: the strain grows by {:.2g} in a step, and touching particles pass each other "
+        "in a few steps; shorten -dt to {:.2g} or less",
+        dt, *p_.rate, strain, most_strain / *p_.rate);
 }
 
 template <int D>
@@ -129,7 +142,7 @@ void SteadyShear<D>::ready() {
 template <int D>
 bool SteadyShear<D>::follow() {
   shortened_ = this->particles().shift_lattice(this->state());
-  if (this->state().step % stride == 0) integrate(measure());
+  if (this->state().step % stride() == 0) integrate(measure());
   return false;
 }
 
@@ -171,13 +184,14 @@ template <int D>
 EnergyBudget SteadyShear<D>::budget(const Measured& now) {
   const SampledIntegral work = work_, heat = heat_;
   const Real largest = largest_kinetic_;
-  if (this->state().step % stride != 0) integrate(now);
+  if (this->state().step % stride() != 0) integrate(now);
   EnergyBudget b;
   b.work = work_.value();
   b.heat = heat_.value();
   b.energy = now.energy + now.kinetic_energy;
   b.change = b.energy - start_energy_;
-  b.uncertainty = std::hypot(work_.error(), heat_.error());
+  b.uncertainty_of_work = work_.error();
+  b.uncertainty = std::hypot(b.uncertainty_of_work, heat_.error());
   b.largest = largest_kinetic_;
   work_ = work;  // the run may continue
   heat_ = heat;
