@@ -172,9 +172,9 @@ template <int D>
 void Halo<D>::build(Topology& topology, const Real* x, Real margin) {
   topology.drop_ghosts();
   const Index n = topology.owned();
-  Real widest = 0;
-  for (const Real d : topology.diameter) widest = std::max(widest, d);
-  widest = ranks_.max(widest);
+  widest_ = 0;
+  for (const Real d : topology.diameter) widest_ = std::max(widest_, d);
+  widest_ = ranks_.max(widest_);
 
   // Homes of all ranks.
   Bounds<D> home;
@@ -209,7 +209,7 @@ void Halo<D>::build(Topology& topology, const Real* x, Real margin) {
     for (Index m = 0; m < n; ++m) {
       if (topology.active[m] == 0) continue;
       const Index begin = topology.offset[m];
-      const Real reach = (topology.diameter[begin] + widest) / 2 + margin;
+      const Real reach = (topology.diameter[begin] + widest_) / 2 + margin;
       int last_rank = -1;
       for (const Territory<D>& t : all) {
         if (t.rank != last_rank) found.clear();

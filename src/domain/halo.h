@@ -14,8 +14,8 @@ namespace pliant {
 
 /// Finds ghosts and keeps their positions and velocities up to date. Whole particles are copied. In a periodic box a
 /// ghost may be an image, also of a particle of the same rank, at the position of its original plus box lengths.
-/// Particles may lie anywhere: their positions decide which images are needed. All functions except strays() are
-/// collective.
+/// Particles may lie anywhere: their positions decide which images are needed. All functions except strays() and
+/// widest() are collective.
 template <int D>
 class Halo {
  public:
@@ -48,6 +48,8 @@ class Halo {
   /// Positions and velocities at the same time, where x and v begin with the own points already.
   void update(std::vector<Real>& x, std::vector<Real>& v) const;
 
+  /// Diameter of the widest point of all ranks, at the last build.
+  Real widest() const { return widest_; }
   /// How many particles have left home, at the last build; those by about the same box lengths count once.
   Index strays() const { return strays_; }
 
@@ -72,6 +74,7 @@ class Halo {
   Box<D> box_;
   Vec<D> low_ = Vec<D>::Zero(), high_ = Vec<D>::Zero();  ///< home
   Index strays_ = 0;
+  Real widest_ = 0;
   std::size_t own_ = 0, all_ = 0;       ///< points
   std::vector<Copy> copies_;            ///< on one rank
   std::unique_ptr<Exchange> exchange_;  ///< on several; hides PETSc from those who include this

@@ -69,10 +69,10 @@ Real Neighbours<D>::farthest_from_deformed(Index points, const Real* x, const Re
 }
 
 template <int D>
-void Neighbours<D>::set_deformation(const Vec<D>& origin, const Mat<D>& f) {
+void Neighbours<D>::set_deformation(const Vec<D>& origin, const Mat<D>& f, Real widest) {
   origin_ = origin;
   deformation_ = f;
-  shortened_ = (deformation_ - Mat<D>::Identity()).norm() * (widest_ + margin()) / 2;
+  shortened_ = (deformation_ - Mat<D>::Identity()).norm() * (widest + margin()) / 2;
 }
 
 template <int D>

@@ -44,10 +44,11 @@ class Neighbours : public NeighbourLists {
   /// Displacement up to which the lists contain every contact; negative where they may lack one anyway.
   Real limit() const { return skin_ / 2 - shortened_; }
   /// All points, ghosts too, have followed r → origin + F (r − origin). Displacements count from the deformed reference
-  /// positions. The lists stay valid as long as F since the rebuild shortens no distance by more than the skin.
-  void deform(const Vec<D>& origin, const Mat<D>& f) { set_deformation(origin, f * deformation_); }
+  /// positions. The lists stay valid as long as F since the rebuild shortens no distance by more than the skin. widest:
+  /// diameter of the widest point of all ranks, so that limit() is the same on every rank.
+  void deform(const Vec<D>& origin, const Mat<D>& f, Real widest) { set_deformation(origin, f * deformation_, widest); }
   /// As deform(), where F is the deformation since the rebuild.
-  void set_deformation(const Vec<D>& origin, const Mat<D>& f);
+  void set_deformation(const Vec<D>& origin, const Mat<D>& f, Real widest);
   bool valid(const Walls<D>& wall, const Real* x, Real t = 0) const { return farthest(wall, x, t) <= limit(); }
 
   /// Makes the lists valid for positions x [points · D] at time t. Errors: NumericalError for a position that is not

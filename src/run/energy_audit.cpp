@@ -17,7 +17,8 @@ Real EnergyBudget::scale() const {
 
 Real EnergyBudget::certain_error() const {
   constexpr Real errors = 3;
-  const Real gain = change - work;  // more than an error of the heat explains, as heat is never negative
+  // More than an error of the heat explains, as heat is never negative.
+  const Real gain = change - work - errors * uncertainty_of_work;
   const Real certain = std::max(std::abs(error()) - errors * uncertainty, gain);
   return certain > 0 ? certain / scale() : 0;
 }

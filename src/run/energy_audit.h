@@ -19,13 +19,14 @@ namespace pliant {
 
 /// Energies since the start of a run, in its units: change = work − heat if energy is conserved.
 struct EnergyBudget {
-  Real work = 0;         ///< of moving walls, and of particles moved to another place
-  Real heat = 0;         ///< dissipated
-  Real change = 0;       ///< of kinetic and potential energy, the weight's included
-  Real uncertainty = 0;  ///< standard error of the heat, where that is sampled
-  Real largest = 0;      ///< kinetic energy, at most; 0 without inertia
-  Real energy = 0;       ///< at the end
-  Real rounding = 0;     ///< energies below this come from rounded positions
+  Real work = 0;                 ///< of moving walls, and of particles moved to another place
+  Real heat = 0;                 ///< dissipated
+  Real change = 0;               ///< of kinetic and potential energy, the weight's included
+  Real uncertainty = 0;          ///< standard error of work and heat, where these are sampled
+  Real largest = 0;              ///< kinetic energy, at most; 0 without inertia
+  Real energy = 0;               ///< at the end
+  Real rounding = 0;             ///< energies below this come from rounded positions
+  Real uncertainty_of_work = 0;  ///< the part of the work in `uncertainty`
 
   Real error() const { return change - work + heat; }
   /// Reference of the error: the largest of work, heat, change and kinetic energy, but no less than a small
@@ -33,7 +34,7 @@ struct EnergyBudget {
   /// rounding.
   Real scale() const;
   Real relative_error() const { return scale() > 0 ? std::abs(error()) / scale() : 0; }
-  /// The part of the relative error that sampling the heat cannot explain; at least the gain of energy beyond the work.
+  /// The part of the relative error that sampling cannot explain; at least the gain of energy beyond the work.
   Real certain_error() const;
 
   nlohmann::ordered_json json() const;

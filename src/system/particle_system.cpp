@@ -168,7 +168,7 @@ void ParticleSystem<D>::deform(const Mat<D>& f) {
   if (walls_.size() > 0) throw InputError("walls do not follow a box that deforms; leave them out");
   check_no_shear();
   replace_box(box_.deformed(f));
-  neighbours_.deform(box_.origin(), f);
+  neighbours_.deform(box_.origin(), f, halo_.widest());
   motion_.lose();
 }
 
@@ -205,7 +205,7 @@ void ParticleSystem<D>::follow_shear(Real t) {
   // A function of the time alone, so that a restart decides alike.
   Mat<D> f = Mat<D>::Identity();
   f(0, 1) = shear_rate_ * t - shear_rate_ * neighbours_.time_of_rebuild();
-  neighbours_.set_deformation(box_.origin(), f);
+  neighbours_.set_deformation(box_.origin(), f, halo_.widest());
   motion_.lose(MotionSince::list_rebuild);  // counts from the deformed reference
 }
 

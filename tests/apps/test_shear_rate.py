@@ -1,9 +1,11 @@
-"""Steady shear at a rate: budget of energy and momentum, restart, integrators, statistics, refusals. Oscillatory shear."""
+"""Steady shear at a rate: budget of energy and momentum, restart, ranks, integrators, statistics, refusals. Oscillatory
+shear."""
 
 import numpy as np
 import pandas as pd
 import pytest
 from conftest import Results, assert_same_runs, pliant
+from test_parallel import assert_near_runs, complaints, needs_mpi, on_any_ranks, on_ranks
 
 DENSE = {"n": 24, "path": "quench", "fraction": 0.95, "shear_rate": 0.02, "strain": 1}
 POLYGONS = {"n": 6, "n_vertices": 8, "path": "decompress", "fraction": 0.4, "pressure": 1e-2, "strain": 0.5}
@@ -82,6 +84,13 @@ def test_integrators_agree(tmp_path):
         assert np.abs(apart).max() < error, name
 
 
+def test_work_with_error_control(tmp_path):
+    """Steps of such methods are long: work and heat are sampled at every step."""
+    run = shear(tmp_path / "run", shear_rate=0.1, integrator="ts", ts_type="rk")
+    assert run.summary["steps"] < 100
+    assert run.summary["energy_audit"]["relative_error"] < 0.02
+
+
 def test_flow_stress_of_a_steady_state(tmp_path):
     """Without a steady state there is no flow stress; with one the work equals the heat in the mean."""
     short = shear(tmp_path / "short", strain=0.4).summary
@@ -106,8 +115,24 @@ def test_a_short_run_has_a_flow_stress_without_an_error(tmp_path):
     assert "eps/sigma_avg^2 (no error: the run is too short), viscosity" in result.stdout and "nan" not in result.stdout
 
 
+def test_work_of_rare_contacts(tmp_path):
+    """Between two particles the stress changes within a few of the steps at which it is sampled: its work is uncertain, and
+    such a gain of energy is no error."""
+    run = shear(tmp_path / "run", n=2, path="decompress", fraction=0.9, shear_rate=0.1, strain=2)
+    audit = run.summary["energy_audit"]
+    assert audit["change"] > audit["work"] and audit["relative_error"] > 0.5 and audit["uncertainty"] > audit["relative_error"]
+
+
+def test_steps_of_fast_flows(tmp_path):
+    """The strain grows by 0.1 in a step, at most; more gives a warning."""
+    run = shear(tmp_path / "run", shear_rate=20)
+    assert run.summary["dt"] == pytest.approx(0.005)
+    result = pliant("shear", output=tmp_path / "long", **{**DENSE, "shear_rate": 20, "dt": 0.01})
+    assert result.returncode == 0 and "-dt 0.01 with -shear_rate 20: the strain grows by 0.2" in result.stderr, result.stderr
+
+
 @pytest.mark.parametrize("options, message", [
-    ({"shear_rate": 0}, "-shear_rate"), ({"shear_rate": 100}, "is longer than the run, 0.01 t0"), ({"shear_rate": "nan"}, "-shear_rate"), ({"moduli": "yes"}, "-moduli"),
+    ({"shear_rate": 0}, "-shear_rate"), ({"shear_rate": 100, "dt": 0.02}, "is longer than the run, 0.01 t0"), ({"shear_rate": "nan"}, "-shear_rate"), ({"moduli": "yes"}, "-moduli"),
     ({"strain_step": 0.01}, "-strain_step"), ({"control": "pressure"}, "-control"), ({"dt": 5}, "limit of stability"),
     ({"path": "compress"}, "-path compress"), ({"zeta": -1}, "-zeta"), ({"cycles": 2}, "-cycles")])
 def test_refusals(options, message, tmp_path):
@@ -171,3 +196,98 @@ def test_slow_flow_is_quasistatic(tmp_path):
         flow = Results(tmp_path / str(rate)).series
         viscous.append(np.interp(strain, flow["strain"], flow["shear_stress"]) - stress)
     assert viscous[0] == pytest.approx(viscous[0].mean(), rel=0.05) and viscous[1] == pytest.approx(2 * viscous[0], rel=0.05)
+
+
+# --- Ranks
+
+FAST = {"shear_rate": 0.2, "strain": 1.2, "sample_interval": 0.2, "frame_interval": 1.5}
+DISKS = {**FAST, "n": 60, "path": "quench", "fraction": 0.95}
+DEFORMABLE = {**FAST, "n": 24, "n_vertices": 8, "path": "decompress", "fraction": 0.4, "pressure": 1e-2}
+KINDS = {
+    "disks": {**DISKS, "dt": 0.03},
+    "hertz": {**DISKS, "dt": 0.03, "contact_law": "hertz", "drag": "per_mass"},
+    "ts": {**DISKS, "dt": 0.03, "integrator": "ts", "ts_type": "rk", "ts_adapt_type": "none"},
+    "spheres": {**DISKS, "dt": 0.03, "dim": 3, "fraction": 0.8},
+    "rough": {**DEFORMABLE, "model": "rough"},
+    "smooth": {**DEFORMABLE, "model": "smooth", "e_c": 0.1},
+    "surfaces": {**FAST, "n": 8, "dim": 3, "model": "rough", "path": "quench"},
+}
+
+
+def shear_on_ranks(ranks, folder, **options):
+    result = on_any_ranks(ranks, "shear", output=folder, **options)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.count("steady shear:") == 1  # one rank prints
+    return Results(folder)
+
+
+@pytest.fixture(scope="module")
+def serial(tmp_path_factory):
+    """Runs on one rank, each made once."""
+    runs = {}
+
+    def run(kind):
+        if kind not in runs:
+            runs[kind] = shear_on_ranks(1, tmp_path_factory.mktemp("serial") / kind, **KINDS[kind])
+        return runs[kind]
+
+    return run
+
+
+@needs_mpi
+@pytest.mark.parametrize("kind, ranks", [("disks", 2), ("disks", 3), ("hertz", 2), ("ts", 2), ("ts", 3), ("spheres", 2), ("spheres", 3),
+                                         ("rough", 2), ("rough", 3), ("smooth", 3), ("surfaces", 3)])
+def test_ranks_give_the_same_flow(kind, ranks, serial, tmp_path):
+    """Over a strain in which particles cross the sheared edge and an edge of the box is shortened."""
+    one, several = serial(kind), shear_on_ranks(ranks, tmp_path / "ranks", **KINDS[kind])
+    assert_near_runs(one, several)
+    assert several.frames[-1]["edge_shortened_by"] == 1
+    assert (np.diff(several.column("images")[:, :, 1], axis=0) != 0).any()
+    assert several.series["heat"][-1] > 0.1 and several.series["contact_pairs"][-1] > 5
+
+
+@needs_mpi
+@pytest.mark.parametrize("kind, first, then", [("disks", 2, 3), ("ts", 2, 2), ("rough", 3, 1), ("smooth", 1, 2)])
+def test_a_flow_continued_on_ranks(kind, first, then, serial, tmp_path):
+    """Also by another number of ranks; the second part shortens the edge."""
+    shear_on_ranks(first, tmp_path / "run", **{**KINDS[kind], "strain": 0.45})
+    result = on_any_ranks(then, "shear", restart=tmp_path / "run", strain=KINDS[kind]["strain"])
+    assert result.returncode == 0, result.stderr
+    assert_near_runs(serial(kind), Results(tmp_path / "run"))
+
+
+@needs_mpi
+@pytest.mark.parametrize("options", [{"n": 1}, {"n": 3, "dim": 3}, {"n": 2, "model": "rough"}, {"n": 3, "integrator": "ts", "ts_type": "cn", "dt": 0.02}])
+def test_more_ranks_than_particles(options, tmp_path):
+    options = {**FAST, "path": "quench", **options}
+    assert_near_runs(shear_on_ranks(1, tmp_path / "one", **options), shear_on_ranks(4, tmp_path / "four", **options))
+
+
+@needs_mpi
+def test_a_stationary_flow_on_ranks(tmp_path):
+    """Particles migrate many times. The trajectories of a chaotic flow differ, their averages agree."""
+    options = {"n": 100, "path": "quench", "fraction": 0.9, "shear_rate": 0.1, "strain": 60, "sample_interval": 0.5, "frame_interval": 100}
+    one, three = shear_on_ranks(1, tmp_path / "one", **options), shear_on_ranks(3, tmp_path / "three", **options)
+    assert one.summary["steady"] and three.summary["steady"]
+    for name in ("flow_stress", "viscosity", "flow_pressure", "stress_ratio"):
+        a, b = one.summary[name], three.summary[name]
+        assert abs(a["value"] - b["value"]) < 4 * np.hypot(a["error"], b["error"]), name
+    assert three.summary["energy_audit"]["relative_error"] < 0.01
+    assert three.frames[-1]["edge_shortened_by"] == 60
+
+
+@needs_mpi
+@pytest.mark.parametrize("options, code, message", [
+    ({"shear_rate": None}, 2, "on one rank, not on 2: start the program without mpiexec"),
+    ({"max_iterations": 1}, 3, "has not converged"),
+    ({"model": "rough", "fraction": 0.8}, 2, "begin with a lower fraction"),
+    ({"dt": 5}, 2, "limit of stability"),
+    ({"model": "rough", "n": 24, "n_vertices": 8, "fraction": 0.4, "shear_rate": 5, "strain": 20, "e_c": 0.01, "sample_interval": 0.02}, 3, "lies inside particle"),
+    ({"ensemble": 2}, 2, "without mpiexec")], ids=["quasistatic", "preparation", "dense", "long_step", "crossing", "ensemble"])
+def test_errors_of_a_flow_end_all_ranks(options, code, message, tmp_path):
+    given = {name: value for name, value in {**DISKS, **options}.items() if value is not None}
+    if "shear_rate" not in given:
+        given = {name: given[name] for name in ("n", "path", "fraction")}
+    result = on_ranks(2, "shear", output=tmp_path / "run", **given)
+    errors = [line for line in complaints(result) if "warning" not in line]
+    assert result.returncode == code and len(errors) == 1 and message in errors[0], result.stderr

@@ -1,7 +1,8 @@
-// How often the energy audit evaluates the power of friction, and the heat that it finds.
+// How often the energy audit evaluates the power of friction, the heat that it finds, and the errors that count.
 #include <catch2/catch.hpp>
 
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <numeric>
 
@@ -28,6 +29,16 @@ struct CountedFriction : PairFriction<2> {
 };
 
 }  // namespace
+
+TEST_CASE("a gain of energy beyond the work is an error, up to the error of sampled work") {
+  EnergyBudget budget{.work = 1, .change = 2, .uncertainty = 0.5};
+  CHECK(budget.certain_error() == Approx(0.5));  // no heat, which is never negative, can explain it
+  budget.uncertainty_of_work = 0.2;
+  CHECK(budget.certain_error() == Approx(0.2));
+  CHECK_THROWS_AS(check_energy(budget), NumericalError);
+  budget.uncertainty = budget.uncertainty_of_work = std::numeric_limits<Real>::infinity();
+  CHECK(budget.certain_error() == 0);
+}
 
 TEST_CASE("friction is sampled seldom once the heat is accurate") {
   constexpr Real side = 10.5, dt = 1e-3;

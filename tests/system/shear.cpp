@@ -244,6 +244,24 @@ TEST_CASE("ranks share a sheared box", "[ranks][shear]") {
   }
 }
 
+TEST_CASE("lists in a sheared box hold up to the same displacement on every rank", "[ranks][shear]") {
+  // One wide disk, too far from the disks of most ranks to be their ghost.
+  Configuration<2> c;
+  for (Index m = 0; m < 12; ++m) c.add_soft(m == 0 ? 3 : 1, {4.0 * m + 2, 2});
+  c.v.resize(c.x.size());
+  const Box<2> box({0, 0}, {48, 4});
+  Twins<2> twins(c, ModelKind::sp, box);
+  twins.shared.shear_at(rate);
+  twins.sort();
+  std::vector<Real> a(twins.state.size());
+  for (const Real t : {0.0, 0.02})
+    twins.shared.acceleration(t, twins.state.x().data(), twins.state.v().data(), a.data());
+  const Real limit = twins.shared.neighbours().limit();
+  CHECK(limit < skin / 2);
+  CHECK(limit > 0);
+  CHECK(twins.ranks.max(limit) == twins.ranks.min(limit));
+}
+
 TEST_CASE("a box that is sheared at a rate cannot be set", "[shear]") {
   Configuration<2> c;
   c.add_soft(1, {1, 1});

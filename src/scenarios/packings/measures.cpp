@@ -26,8 +26,6 @@ Box<D> box_of_fraction(const Topology& particles, Real fraction) {
 
 template <int D>
 std::pair<Topology, ParticleSystem<D>> particles_in_box(const PackingOptions& p, const Ranks& ranks) {
-  if (ranks.several())
-    throw InputError("packings are made on one rank: start the program without mpiexec, and give -threads");
   Topology all = make_particles(p.model.particles(), D,
                                 draw_diameters(p.sizes, p.particles, static_cast<std::uint64_t>(p.seed)), p.shape);
   ParticleSystem<D> particles({}, {}, p.model.force_field<D>({}), usual_skin(p.model.particles(), D), ranks,
@@ -47,7 +45,7 @@ Real packing_fraction(const ParticleSystem<D>& system, const Real* x) {
   };
   Real content = 0;
   for (Index m = 0; m < t.owned(); ++m) content += present(m);
-  return content / system.box().volume();
+  return system.ranks().sum(content) / system.box().volume();
 }
 
 template <int D>
@@ -69,21 +67,25 @@ Real rim_fraction(const ParticleSystem<D>& system, const Real* x, ModelKind part
                                            : shell_volume(x, t, surface, m, delta / 2);
     }
   }
-  return packing_fraction(system, x) + rim / system.box().volume();
+  return packing_fraction(system, x) + system.ranks().sum(rim) / system.box().volume();
 }
 
 template <int D>
 void check_crossings(ParticleSystem<D>& system, const Real* x, std::string_view when, const SurfaceCures& cures) {
-  if (!system.topology().deformable()) return;
+  // A rank without particles takes part.
+  if (!system.ranks().any(system.topology().deformable())) return;
   const StateView<D> s = system.view(x, nullptr);
   if constexpr (D == 2) {
     const auto id = [&](Index m) { return system.topology().id[m]; };
     const std::string cure = fmt::format("{}, or {}", cures.contacts, cures.shape);
-    if (const SelfLook look = look_at_own_outlines(s); look.crossing)
-      throw NumericalError("the outline of particle {} crosses itself {}; {}", id(look.crossing->particle), when, cure);
-    if (const auto crossing = find_crossing(s))
-      throw NumericalError("a vertex of particle {} lies inside particle {} {}; {}", id(crossing->particle),
-                           id(crossing->other), when, cure);
+    system.ranks().together([&] {
+      if (const SelfLook look = look_at_own_outlines(s); look.crossing)
+        throw NumericalError("the outline of particle {} crosses itself {}; {}", id(look.crossing->particle), when,
+                             cure);
+      if (const auto crossing = find_crossing(s))
+        throw NumericalError("a vertex of particle {} lies inside particle {} {}; {}", id(crossing->particle),
+                             id(crossing->other), when, cure);
+    });
   } else {
     check_surfaces(s, system.ranks(), cures);
   }

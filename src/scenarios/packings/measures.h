@@ -10,28 +10,27 @@
 
 namespace pliant {
 
-/// All particles of a run, and the system that they will join in a box of the fraction of the start. Errors: InputError
-/// on several ranks.
+/// All particles of a run, and the system that they will join in a box of the fraction of the start.
 template <int D>
 std::pair<Topology, ParticleSystem<D>> particles_in_box(const PackingOptions& p, const Ranks& ranks);
 
 /// Σ a0/V of soft particles, which counts overlaps twice; Σ of the present areas (volumes) over V for deformable
-/// particles. x [size of the system].
+/// particles. x [size of the system]. Collective.
 template <int D>
 Real packing_fraction(const ParticleSystem<D>& system, const Real* x);
 
 /// The same with the rims of deformable particles: of rough particles the parts of the disks (spheres) around vertices
-/// that are outside the particle, of smooth particles all places that are nearer than half a width.
+/// that are outside the particle, of smooth particles all places that are nearer than half a width. Collective.
 template <int D>
 Real rim_fraction(const ParticleSystem<D>& system, const Real* x, ModelKind particles);
 
-/// Errors: NumericalError for deformable particles that cross each other or themselves, and surfaces without a meaning.
-/// The message of polygons contains `when`, for example "at the minimum".
+/// Errors: NumericalError, on all ranks, for deformable particles that cross each other or themselves, and surfaces
+/// without a meaning. The message of polygons contains `when`, for example "at the minimum". Collective.
 template <int D>
 void check_crossings(ParticleSystem<D>& system, const Real* x, std::string_view when, const SurfaceCures& cures);
 
 /// Errors: InputError, with the advice `cure`, where soft particles overlap by more than the smaller radius: their
-/// contacts then reach beyond the neighbours.
+/// contacts then reach beyond the neighbours. On one rank.
 template <int D>
 void check_overlaps(ParticleSystem<D>& system, const Real* x, std::string_view cure);
 

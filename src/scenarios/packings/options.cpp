@@ -282,14 +282,15 @@ void ShearOptions::bind(Options& o) {
          {.help = "-shear_rate: velocity Verlet with a fixed step, or PETSc TS (-ts_type, -ts_rtol, ...)",
           .cures = {{Cure::verlet, "verlet"}, {Cure::ts, "ts"}},
           .on_restart = fixed});
-  o.bind("dt", dt,
-         {.help = "-shear_rate: fixed step, or first step of an adaptive method",
-          .unit = "t0",
-          .min = 0,
-          .min_open = true,
-          .cures = {Cure::shorter_step},
-          .automatic = "0.2 of the elastic limit, at most 0.5 of the damping limit, 0.7 of dt_critical",
-          .on_restart = fixed});
+  o.bind(
+      "dt", dt,
+      {.help = "-shear_rate: fixed step, or first step of an adaptive method",
+       .unit = "t0",
+       .min = 0,
+       .min_open = true,
+       .cures = {Cure::shorter_step},
+       .automatic = "0.2 of the elastic limit, at most 0.5 of the damping limit, 0.7 of dt_critical, a strain of 0.1",
+       .on_restart = fixed});
   bind_allowed(o);
   bind_minimisation(o);
   bind_analysis(o);

@@ -27,6 +27,10 @@ constexpr Index most_drawn = 20;
 
 template <int D>
 std::unique_ptr<Simulation<D>> make_simulation(const PackingOptions& p, const Ranks& ranks) {
+  if (ranks.several())
+    throw InputError(
+        "packings at equilibrium are made on one rank, not on {}: start the program without mpiexec, and give -threads",
+        ranks.size());
   auto [all, particles] = particles_in_box<D>(p, ranks);
   return std::make_unique<Simulation<D>>(std::move(all), std::move(particles), Sorting::at_start);
 }

@@ -21,6 +21,7 @@ class PackingProtocol : public Protocol<D> {
   struct Interrupted {};
 
  public:
+  /// Errors: InputError for several ranks.
   PackingProtocol(const PackingOptions& p, const Ranks& ranks);
 
   std::string model() const final { return p_.model.name; }

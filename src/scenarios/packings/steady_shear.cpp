@@ -12,6 +12,7 @@
 #include <pliant/base/console.h>
 #include <pliant/io/summary.h>
 #include <pliant/model/drag.h>
+#include <pliant/run/step_check.h>
 #include <pliant/scenarios/packings/measures.h>
 #include <pliant/scenarios/packings/pack.h>
 #include <pliant/scenarios/particles/motions.h>
@@ -22,8 +23,8 @@
 namespace pliant {
 namespace {
 
-/// Steps between values of the integrals of work and heat. A contact oscillates in more than 30 standard steps.
-constexpr std::int64_t stride = 8;
+/// Largest growth of the strain in a step; with a larger one touching particles pass each other in a few steps.
+constexpr Real most_strain = 0.1;
 
 /// All terms but the drag, which has no part in a minimum of the energy.
 PackOptions preparation(const ShearOptions& p) {
@@ -47,7 +48,8 @@ template <int D>
 SteadyShear<D>::SteadyShear(const ShearOptions& p, const Ranks& ranks)
     : Protocol<D>(make_simulation<D>(p, ranks)), p_(p) {
   critical_ = this->particles().field().critical_step(this->simulation().all());
-  dt_ = p.dt.value_or(critical_.standard(std::min(0.2 * critical_.elastic, 0.5 * critical_.damping)));
+  dt_ = p.dt.value_or(
+      critical_.standard(std::min({0.2 * critical_.elastic, 0.5 * critical_.damping, most_strain / *p.rate})));
   if (!p.dt && p.integrator != ShearIntegrator::verlet)
     dt_ = standard_step(TsIntegrator({}, MPI_COMM_SELF), motions(), dt_);
 }
@@ -71,27 +73,53 @@ std::unique_ptr<Integrator> SteadyShear<D>::make_integrator(Real dt) {
 }
 
 template <int D>
+void SteadyShear<D>::check() const {
+  const Integrator& integrator = this->simulation().integrator();
+  const Real dt = integrator.next_dt(), strain = dt * *p_.rate;
+  if (integrator.explicit_fixed_step() && above(strain, most_strain) && this->ranks().root())
+    warn(
+        "-dt {:g} with -shear_rate {:g}: the strain grows by {:.2g} in a step, and touching particles pass each other "
+        "in a few steps; shorten -dt to {:.2g} or less",
+        dt, *p_.rate, strain, most_strain / *p_.rate);
+}
+
+template <int D>
 std::vector<FastestRates> SteadyShear<D>::motions() const {
   return motions_of(critical_, p_.model, this->particles().field(), this->simulation().all());
 }
 
+/// The root makes the packing, because energies are minimised on one rank. If each rank made the packing, ranks on
+/// different types of processors could obtain different packings, because a minimisation amplifies rounding errors.
 template <int D>
 std::vector<Real> SteadyShear<D>::start() {
-  const PackOptions options = preparation(p_);
-  PackProtocol<D> packing(options, this->ranks(), false);
-  Simulation<D>& packed = packing.simulation();
-  packed.set_integrator(packing.make_integrator(1));
-  packed.place(packing.start());
-  packed.advance(packing.last_time());
-  box_ = packed.particles().box();
-  this->particles().set_box(box_);
-  this->particles().shear_at(*p_.rate);
-  const Topology &from = packed.topology(), &all = this->simulation().all();
-  std::vector<Real> x(static_cast<std::size_t>(all.points()) * D);
-  for (Index m = 0; m < from.owned(); ++m)
-    std::copy_n(&packed.state().x()[static_cast<std::size_t>(from.offset[m]) * D], from.points_of(m) * D,
-                &x[static_cast<std::size_t>(all.offset[from.id[m]]) * D]);
+  const Topology& all = this->simulation().all();
+  std::vector<Real> x, length;
+  this->ranks().on_root([&] {
+    const PackOptions options = preparation(p_);
+    PackProtocol<D> packing(options, Ranks(), false);
+    Simulation<D>& packed = packing.simulation();
+    packed.set_integrator(packing.make_integrator(1));
+    packed.place(packing.start());
+    packed.advance(packing.last_time());
+    const Vec<D>& edges = packed.particles().box().length();
+    length.assign(edges.begin(), edges.end());
+    const Topology& from = packed.topology();
+    x.resize(static_cast<std::size_t>(all.points()) * D);
+    for (Index m = 0; m < from.owned(); ++m)
+      std::copy_n(&packed.state().x()[static_cast<std::size_t>(from.offset[m]) * D], from.points_of(m) * D,
+                  &x[static_cast<std::size_t>(all.offset[from.id[m]]) * D]);
+  });
+  this->ranks().broadcast(x);
+  this->ranks().broadcast(length);
+  shear_box(length);
   return x;
+}
+
+template <int D>
+void SteadyShear<D>::shear_box(const std::vector<Real>& length) {
+  box_ = Box<D>(Vec<D>::Zero(), Eigen::Map<const Vec<D>>(length.data()));
+  this->particles().set_box(box_);
+  this->particles().shear_at(*p_.rate, shortened_);
 }
 
 template <int D>
@@ -114,7 +142,7 @@ void SteadyShear<D>::ready() {
 template <int D>
 bool SteadyShear<D>::follow() {
   shortened_ = this->particles().shift_lattice(this->state());
-  if (this->state().step % stride == 0) integrate(measure());
+  if (this->state().step % stride() == 0) integrate(measure());
   return false;
 }
 
@@ -131,10 +159,14 @@ typename SteadyShear<D>::Measured SteadyShear<D>::measure() {
     now.kinetic_energy += mass / 2 * w.squaredNorm();
     now.momentum += mass * w;
   }
-  now.stress /= volume();
-  now.kinetic /= volume();
   now.energy = field.energy(s);
   now.drag_power = field.power(s);
+  const Ranks& ranks = this->ranks();
+  for (Mat<D>* const sum : {&now.stress, &now.kinetic}) ranks.sum(std::span(sum->data(), D * D));
+  ranks.sum(std::span(now.momentum.data(), D));
+  for (Real* const sum : {&now.energy, &now.kinetic_energy, &now.drag_power}) *sum = ranks.sum(*sum);
+  now.stress /= volume();
+  now.kinetic /= volume();
   return now;
 }
 
@@ -152,13 +184,14 @@ template <int D>
 EnergyBudget SteadyShear<D>::budget(const Measured& now) {
   const SampledIntegral work = work_, heat = heat_;
   const Real largest = largest_kinetic_;
-  if (this->state().step % stride != 0) integrate(now);
+  if (this->state().step % stride() != 0) integrate(now);
   EnergyBudget b;
   b.work = work_.value();
   b.heat = heat_.value();
   b.energy = now.energy + now.kinetic_energy;
   b.change = b.energy - start_energy_;
-  b.uncertainty = std::hypot(work_.error(), heat_.error());
+  b.uncertainty_of_work = work_.error();
+  b.uncertainty = std::hypot(b.uncertainty_of_work, heat_.error());
   b.largest = largest_kinetic_;
   work_ = work;  // the run may continue
   heat_ = heat;
@@ -183,6 +216,7 @@ std::vector<SeriesValue> SteadyShear<D>::sample() {
     pairs.insert(std::minmax(c.first, c.second));
     overlap = std::max(overlap, c.overlap);
   });
+  const std::int64_t all_pairs = this->ranks().sum(static_cast<std::int64_t>(pairs.size()));
   return {{"time", this->state().t},
           {"dt", this->step_taken()},
           {"strain", strain()},
@@ -196,8 +230,8 @@ std::vector<SeriesValue> SteadyShear<D>::sample() {
           {"heat", b.heat},
           {"momentum", std::vector<Real>(now.momentum.begin(), now.momentum.end())},
           {"fraction", packing_fraction(this->particles(), this->state().x().data())},
-          {"contact_pairs", static_cast<Real>(pairs.size())},
-          {"max_overlap", overlap}};
+          {"contact_pairs", static_cast<Real>(all_pairs)},
+          {"max_overlap", this->ranks().max(overlap)}};
 }
 
 template <int D>
@@ -215,10 +249,7 @@ void SteadyShear<D>::visit(Archive& a) {
   a.number("largest_kinetic_energy", largest_kinetic_, 0);
   work_.visit(a, "work_of_shear");
   heat_.visit(a, "heat_of_drag");
-  if (!a.reads()) return;
-  box_ = Box<D>(Vec<D>::Zero(), Eigen::Map<const Vec<D>>(length.data()));
-  this->particles().set_box(box_);
-  this->particles().shear_at(*p_.rate, shortened_);
+  if (a.reads()) shear_box(length);
 }
 
 template <int D>

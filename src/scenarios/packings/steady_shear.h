@@ -28,6 +28,8 @@ class SteadyShear final : public Protocol<D> {
   Real critical_step() const override { return critical_step_; }
   std::unique_ptr<Integrator> make_integrator(Real dt) override;
   RunGeometry geometry() const override { return {"periodic", {}, {}}; }
+  /// Warns of a fixed step in which the strain grows too much.
+  void check() const override;
 
   std::vector<Real> start() override;
   void started() override;
@@ -45,7 +47,7 @@ class SteadyShear final : public Protocol<D> {
   void report(const Series& series, nlohmann::ordered_json& summary) override;
 
  private:
-  /// Sums over the particles at the present time.
+  /// Sums over the particles of all ranks at the present time.
   struct Measured {
     Mat<D> stress = Mat<D>::Zero();   ///< the part that the energy terms cause
     Mat<D> kinetic = Mat<D>::Zero();  ///< kinetic part of the stress
@@ -55,7 +57,12 @@ class SteadyShear final : public Protocol<D> {
     Real pressure() const { return -(stress + kinetic).trace() / D; }
   };
   std::vector<FastestRates> motions() const;
+  /// The box of the packing, with edges of these lengths, is sheared from now on.
+  void shear_box(const std::vector<Real>& length);
   Measured measure();
+  /// Steps between values of the integrals of work and heat. A contact oscillates in more than 30 standard steps of
+  /// Verlet, but in a few steps of a method with error control.
+  std::int64_t stride() const { return p_.integrator == ShearIntegrator::verlet ? 8 : 1; }
   /// A value of the integrals of work and heat.
   void integrate(const Measured& now);
   EnergyBudget budget(const Measured& now);
