@@ -4,7 +4,6 @@
 
 #include <pliant/base/errors.h>
 #include <pliant/io/folder_lock.h>
-#include <pliant/io/recording.h>
 
 namespace pliant {
 namespace {
@@ -69,7 +68,7 @@ void EnsembleFile::add(Index number, const std::string& summary, std::string_vie
   auto group = members.create_group(name);
   group.set_attribute("number", static_cast<std::int64_t>(number));
   group.write_text("summary", summary);
-  if (!objects.empty()) group.add(hdf5::Recorded::from(objects));
+  if (!objects.empty()) group.add(objects);
   group.count_members();
   members.count_members();
 }

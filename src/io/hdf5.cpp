@@ -133,11 +133,14 @@ Id string_type() {
   return type;
 }
 
-/// HDF5 1.10 leaks the header of an object that fails its checksum, and prints "infinite loop closing library" when MPI
-/// ends, which is when PETSc ends.
-void keep_quiet_at_end() {
+/// Settings of the library, before its first file. HDF5 1.10 leaks the header of an object that fails its checksum, and
+/// prints "infinite loop closing library" when MPI ends, which is when PETSc ends. HDF5 reuses the memory of small
+/// objects, but by default returns it to the system when 64 KiB of a kind are free, as after each flush.
+void prepare_library() {
   static std::once_flag once;
   std::call_once(once, [] {
+    constexpr int unlimited = -1, default_of_all = 16 << 20, default_of_one = 1 << 20;
+    require_memory(H5set_free_list_limits(unlimited, unlimited, unlimited, unlimited, default_of_all, default_of_one));
     petsc_check(PetscRegisterFinalize([]() -> PetscErrorCode {
       H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
       return 0;
@@ -146,7 +149,7 @@ void keep_quiet_at_end() {
 }
 
 Id file_access() {
-  keep_quiet_at_end();
+  prepare_library();
   Id access(H5Pcreate(H5P_FILE_ACCESS));
   // Closing the file closes all objects in it.
   require_memory(H5Pset_fclose_degree(access.get(), H5F_CLOSE_STRONG));
@@ -406,42 +409,6 @@ bool Group::has_group(const std::string& name) const {
   return has(name) && Id(H5Gopen2(id_.get(), name.c_str(), H5P_DEFAULT)).valid();
 }
 
-void Group::add(const Recorded& recorded) {
-  std::map<const Recorded*, std::string> paths;
-  add(recorded, paths);
-}
-
-/// paths: objects that are in the file already, and their paths.
-void Group::add(const Recorded& recorded, std::map<const Recorded*, std::string>& paths) {
-  for (const Recorded::Attribute& a : recorded.attributes) set_number(a.name, a.type, a.value.data());
-  for (const auto& [name, object] : recorded.members) {
-    const auto [path, is_new] = paths.emplace(object.get(), full(name));
-    if (!is_new) {
-      link(path->second, name);
-      continue;
-    }
-    switch (object->kind) {
-      case Recorded::Kind::group:
-        create_group(name).add(*object, paths);
-        break;
-      case Recorded::Kind::text:
-        write_text(name, object->bytes);
-        break;
-      case Recorded::Kind::constant:
-        write_fill_value(name, object->type, object->bytes.data(), object->shape);
-        break;
-      case Recorded::Kind::dataset:
-        if (object->deflate == 0) {
-          write_whole(name, object->type, object->bytes.data(), object->shape, object->crc32);
-          break;
-        }
-        Dataset made = create_dataset(name, object->type, object->shape, object->deflate);
-        if (!object->bytes.empty()) made.write(0, object->shape[0], object->bytes.data());
-        if (object->crc32) made.set_crc32(*object->crc32);
-    }
-  }
-}
-
 bool Group::has(const std::string& name) const {
   if (recorded_) return recorded_->find(name) != nullptr;
   const Quiet quiet;
@@ -616,9 +583,13 @@ void Group::write_fill_value(const std::string& name, Type type, const void* val
                                                   .shape = shape,
                                                   .bytes = {static_cast<const char*>(value), size_of(type)}}));
   const Quiet quiet;
-  const Id properties(H5Pcreate(H5P_DATASET_CREATE));
-  require_memory(H5Pset_fill_value(properties.get(), native(type), value));
-  new_dataset(name, type, shape, properties.get());
+  static std::map<std::pair<Type, std::string>, hid_t> lists;  // constants have few different values
+  hid_t& list = lists.try_emplace({type, {static_cast<const char*>(value), size_of(type)}}, H5P_DEFAULT).first->second;
+  if (list == H5P_DEFAULT)
+    list = lasting(H5P_DATASET_CREATE, [&](const Id& properties) {
+      require_memory(H5Pset_fill_value(properties.get(), native(type), value));
+    });
+  new_dataset(name, type, shape, list);
 }
 
 Shape Group::shape(const std::string& name) const {
@@ -919,6 +890,7 @@ File File::in_memory(const std::string& name) {
 }
 
 File File::recorder(const std::string& name) { return File(name); }
+std::string File::recorded() const { return recorded_->message(); }
 
 File File::open(JournaledFile opened, const std::filesystem::path& path, bool writable) {
   const Quiet quiet;

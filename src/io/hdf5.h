@@ -132,8 +132,8 @@ class Group {
   /// A second name for the object at `existing` (a path): the same storage, nothing is copied.
   void link(const std::string& existing, const std::string& name);
 
-  /// Writes the objects of a group that File::recorder() has made.
-  void add(const Recorded& recorded);
+  /// Writes the objects of a message (File::recorded()) into this group of a file.
+  void add(std::string_view message);
 
   bool has(const std::string& name) const;
   bool has_group(const std::string& name) const;
@@ -237,7 +237,7 @@ class Group {
   std::string path_;                    ///< for messages
 
  private:
-  void add(const Recorded& recorded, std::map<const Recorded*, std::string>& paths);
+  friend class MessageReader;
   std::string full(const std::string& name) const;
   [[noreturn]] void fail_read(const std::string& name) const;
   Id new_dataset(const std::string& name, Type type, const Shape& shape, std::int64_t properties);
@@ -286,8 +286,8 @@ class File : public Group {
   void close();
   /// The bytes of a file in memory as they would be on disk; valid until the file is changed.
   std::string_view image();
-  /// The objects of a recorder.
-  const Recorded& recorded() const { return *recorded_; }
+  /// The objects of a recorder, as a message to another process of this program.
+  std::string recorded() const;
 
  private:
   explicit File(std::string name);

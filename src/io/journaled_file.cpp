@@ -7,6 +7,7 @@
 #include <pliant/io/journaled_file.h>
 #include <sys/file.h>
 #include <sys/stat.h>
+#include <sys/uio.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -54,15 +55,15 @@ void Extents::put(std::uint64_t address, std::span<const std::byte> bytes) {
   if (bytes.empty()) return;
   auto block = blocks_.upper_bound(address);
   if (block != blocks_.begin()) --block;
-  if (block == blocks_.end() || block->first > address || block->first + block->second.size() < address)
+  if (block == blocks_.end() || block->first > address || block->first + block->second.size() <= address)
     block = blocks_.try_emplace(address).first;
-  std::vector<std::byte>& mine = block->second;
+  std::pmr::vector<std::byte>& mine = block->second;
   const std::uint64_t first = address - block->first, last = first + bytes.size();
   if (mine.size() < last) mine.resize(last);
   std::copy(bytes.begin(), bytes.end(), mine.begin() + static_cast<std::ptrdiff_t>(first));
   const std::uint64_t end = block->first + mine.size();
   auto next = std::next(block);
-  while (next != blocks_.end() && next->first <= end) {
+  while (next != blocks_.end() && next->first < end) {
     const std::uint64_t covered = std::min<std::uint64_t>(end - next->first, next->second.size());
     mine.insert(mine.end(), next->second.begin() + static_cast<std::ptrdiff_t>(covered), next->second.end());
     next = blocks_.erase(next);
@@ -183,22 +184,24 @@ void JournaledFile::read_journal() {
   constexpr std::size_t unchecked = sizeof trailer.checksum + sizeof trailer.magic;
   if (crc32_of(std::span(bytes).first(bytes.size() - unchecked)) != trailer.checksum) return;
   std::span<const std::byte> left = std::span(bytes).first(bytes.size() - sizeof trailer);
-  Extents changes;
+  std::vector<std::pair<std::uint64_t, std::span<const std::byte>>> changes;
   for (std::uint64_t k = 0; k < trailer.changes; ++k) {
     Change change{};
     if (left.size() < sizeof change) return;
     std::memcpy(&change, left.data(), sizeof change);
     left = left.subspan(sizeof change);
     if (left.size() < change.size || change.address + change.size > trailer.start) return;
-    changes.put(change.address, left.first(change.size));
+    changes.emplace_back(change.address, left.first(change.size));
     left = left.subspan(change.size);
   }
-  changes_ = std::move(changes);
+  for (const auto& [address, change] : changes) changes_.put(address, change);
   committed_ = size_ = trailer.start;
 }
 
 std::vector<std::byte> JournaledFile::journal(std::uint64_t end, bool with_tail) const {
   std::vector<std::byte> bytes;
+  bytes.reserve(changes_.bytes() + (with_tail ? tail_.bytes() : 0) + sizeof(Trailer) +
+                sizeof(Change) * (changes_.blocks().size() + (with_tail ? tail_.blocks().size() : 0)));
   std::uint64_t number = 0;
   const auto add = [&](std::span<const std::byte> more) { bytes.insert(bytes.end(), more.begin(), more.end()); };
   const auto add_changes = [&](const Extents& extents) {
@@ -243,7 +246,24 @@ void JournaledFile::write(std::uint64_t address, std::span<const std::byte> byte
 }
 
 void JournaledFile::write_through(const Extents& extents) {
-  for (const auto& [address, block] : extents.blocks()) write_through(address, block);
+  const Extents::Blocks& blocks = extents.blocks();
+  for (auto first = blocks.begin(), last = first; first != blocks.end(); first = last) {
+    // Neighbours in one call of the system.
+    std::array<iovec, 256> pieces;
+    std::size_t count = 0;
+    for (std::uint64_t end = first->first; last != blocks.end() && last->first == end && count < pieces.size();
+         ++last) {
+      pieces[count++] = {const_cast<std::byte*>(last->second.data()), last->second.size()};
+      end += last->second.size();
+    }
+    const ssize_t written = ::pwritev(file_, pieces.data(), static_cast<int>(count), static_cast<off_t>(first->first));
+    auto left = static_cast<std::size_t>(std::max<ssize_t>(written, 0));  // the loop writes the other bytes
+    for (auto block = first; block != last; ++block) {
+      const std::size_t done = std::min(left, block->second.size());
+      write_through(block->first + done, std::span(block->second).subspan(done));
+      left -= done;
+    }
+  }
 }
 
 void JournaledFile::write_through(std::uint64_t address, std::span<const std::byte> bytes) {

@@ -6,15 +6,21 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <memory>
+#include <memory_resource>
 #include <span>
 #include <string>
 #include <vector>
 
 namespace pliant {
 
-/// Bytes at addresses, no two for the same; neighbours are joined.
+/// Bytes at addresses, no two for the same. Their memory is freed by clear() alone, all at once.
 class Extents {
  public:
+  Extents() = default;
+  Extents(Extents&&) = default;
+  Extents& operator=(Extents&&) = delete;
+
   /// Replaces the former bytes.
   void put(std::uint64_t address, std::span<const std::byte> bytes);
   /// Copies the bytes in memory of the addresses from `address` on to `bytes`; other bytes do not change.
@@ -23,12 +29,19 @@ class Extents {
   bool empty() const { return blocks_.empty(); }
   std::uint64_t bytes() const;
   std::uint64_t end() const { return blocks_.empty() ? 0 : blocks_.rbegin()->first + blocks_.rbegin()->second.size(); }
-  void clear() { blocks_.clear(); }
-  using Blocks = std::map<std::uint64_t, std::vector<std::byte>>;  ///< by address
+  void clear() {
+    blocks_.clear();
+    memory_->release();
+  }
+  /// By address. Neighbours are not joined, because each new piece would then move the bytes after it.
+  using Blocks = std::pmr::map<std::uint64_t, std::pmr::vector<std::byte>>;
   const Blocks& blocks() const { return blocks_; }
 
  private:
-  Blocks blocks_;
+  static constexpr std::size_t first_bytes = 1 << 16;
+  std::unique_ptr<std::pmr::monotonic_buffer_resource> memory_ =
+      std::make_unique<std::pmr::monotonic_buffer_resource>(first_bytes);
+  Blocks blocks_{memory_.get()};
 };
 
 /// Writes beyond the end of the last commit go to the file; no committed data refer to them. Changes of committed bytes

@@ -12,6 +12,14 @@ namespace {
 /// In a message: an object, or a second name of an object.
 enum class Entry : std::uint8_t { object, link };
 
+/// More than the bytes of a group in a message.
+std::size_t size_in_message(const Recorded& group) {
+  constexpr std::size_t others = 256;  // sizes, names
+  std::size_t size = others * (1 + group.attributes.size());
+  for (const auto& [name, object] : group.members) size += object->bytes.size() + size_in_message(*object);
+  return size;
+}
+
 class Writer {
  public:
   template <class T>
@@ -42,6 +50,7 @@ class Writer {
         write(*object, path + name + "/");
     }
   }
+  void reserve(std::size_t bytes) { bytes_.reserve(bytes); }
   std::string take() { return std::move(bytes_); }
 
  private:
@@ -58,60 +67,6 @@ class Writer {
 
   std::string bytes_;
   std::map<const Recorded*, std::string> paths_;
-};
-
-class Reader {
- public:
-  explicit Reader(std::string_view bytes) : bytes_(bytes) {}
-  Recorded root() {
-    group(root_);
-    return std::move(root_);
-  }
-
- private:
-  template <class T>
-  T number() {
-    T value;
-    std::memcpy(&value, bytes_.data(), sizeof value);
-    bytes_.remove_prefix(sizeof value);
-    return value;
-  }
-  std::string text() {
-    const auto size = number<std::uint64_t>();
-    std::string text(bytes_.substr(0, size));
-    bytes_.remove_prefix(size);
-    return text;
-  }
-  void group(Recorded& group) {
-    for (auto count = number<std::uint64_t>(); count > 0; --count) {
-      std::string name = text();
-      const auto type = number<Type>();
-      group.attributes.push_back({std::move(name), type, text()});
-    }
-    for (auto count = number<std::uint64_t>(); count > 0; --count) {
-      const std::string name = text();
-      if (number<Entry>() == Entry::link) {
-        group.put(name, root_.find(text()));
-      } else {
-        const auto object = std::make_shared<Recorded>();
-        group.put(name, object);
-        read(*object);
-      }
-    }
-  }
-  void read(Recorded& o) {
-    o.kind = number<Recorded::Kind>();
-    if (o.kind == Recorded::Kind::group) return group(o);
-    o.type = number<Type>();
-    o.shape.resize(number<std::uint64_t>());
-    for (std::uint64_t& length : o.shape) length = number<std::uint64_t>();
-    o.bytes = text();
-    o.deflate = number<int>();
-    o.crc32 = number<std::optional<std::uint32_t>>();
-  }
-
-  std::string_view bytes_;
-  Recorded root_;
 };
 
 }  // namespace
@@ -150,10 +105,69 @@ void Recorded::set_attribute(const std::string& name, Type of, const void* value
 
 std::string Recorded::message() const {
   Writer writer;
+  writer.reserve(size_in_message(*this));
   writer.group(*this, "");
   return writer.take();
 }
 
-Recorded Recorded::from(std::string_view message) { return Reader(message).root(); }
+/// Writes the objects of a message into a file as it reads them.
+class MessageReader {
+ public:
+  MessageReader(std::string_view bytes, std::string root) : bytes_(bytes), root_(std::move(root)) {}
+
+  void group(Group& to) {
+    for (auto count = number<std::uint64_t>(); count > 0; --count) {
+      const std::string name(text());
+      const auto type = number<Type>();
+      to.set_number(name, type, text().data());
+    }
+    for (auto count = number<std::uint64_t>(); count > 0; --count) {
+      const std::string name(text());
+      if (number<Entry>() == Entry::link)
+        to.link(root_ + std::string(text()), name);
+      else
+        object(to, name);
+    }
+  }
+
+ private:
+  template <class T>
+  T number() {
+    T value;
+    std::memcpy(&value, bytes_.data(), sizeof value);
+    bytes_.remove_prefix(sizeof value);
+    return value;
+  }
+  std::string_view text() {
+    const auto size = number<std::uint64_t>();
+    const std::string_view text = bytes_.substr(0, size);
+    bytes_.remove_prefix(size);
+    return text;
+  }
+  void object(Group& to, const std::string& name) {
+    const auto kind = number<Recorded::Kind>();
+    if (kind == Recorded::Kind::group) {
+      Group made = to.create_group(name);
+      return group(made);
+    }
+    const auto type = number<Type>();
+    Shape shape(number<std::uint64_t>());
+    for (std::uint64_t& length : shape) length = number<std::uint64_t>();
+    const std::string_view values = text();
+    const auto deflate = number<int>();
+    const auto crc32 = number<std::optional<std::uint32_t>>();
+    if (kind == Recorded::Kind::text) return to.write_text(name, std::string(values));
+    if (kind == Recorded::Kind::constant) return to.write_fill_value(name, type, values.data(), shape);
+    if (deflate == 0) return to.write_whole(name, type, values.data(), shape, crc32);
+    Dataset made = to.create_dataset(name, type, shape, deflate);
+    if (!values.empty()) made.write(0, shape[0], values.data());
+    if (crc32) made.set_crc32(*crc32);
+  }
+
+  std::string_view bytes_;
+  std::string root_;  ///< path of the group in the file, with "/" at the end
+};
+
+void Group::add(std::string_view message) { MessageReader(message, full("") + "/").group(*this); }
 
 }  // namespace pliant::hdf5

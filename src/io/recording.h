@@ -38,9 +38,8 @@ struct Recorded {
   void put(std::string_view path, std::shared_ptr<Recorded> object);
   void set_attribute(const std::string& name, Type type, const void* value);
 
-  /// This group as a message to another process of this program, and the group of such a message.
+  /// This group as a message to another process of this program, for Group::add().
   std::string message() const;
-  static Recorded from(std::string_view message);
 };
 
 }  // namespace pliant::hdf5

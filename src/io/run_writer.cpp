@@ -563,7 +563,7 @@ std::string RunWriter::recorded() {
     samples_.write_whole(*file_);
     events_.write_whole(*file_);
   }
-  return file_->recorded().message();
+  return file_->recorded();
 }
 
 Series RunWriter::read_series() {

@@ -1,55 +1,70 @@
 #include <pliant/jamming/contact_network.h>
 
 #include <algorithm>
-#include <array>
-#include <map>
+#include <span>
 #include <utility>
+#include <vector>
 
 #include <pliant/model/polygon.h>
 
 namespace pliant {
 namespace {
 
-/// Contacts of one pair of particles, which the view numbers.
+/// The two particles of a contact, which the view numbers.
 template <int D>
-using ContactsOfPairs = std::map<std::pair<Index, Index>, std::vector<Contact<D>>>;
-
-/// Adds the contact, or its force to a contact at the same place.
-template <int D>
-void add(std::vector<Contact<D>>& contacts, const Contact<D>& contact) {
-  constexpr Real same_place = 1e-6;  // in contact distances
-  for (Contact<D>& other : contacts)
-    if ((other.position - contact.position).norm() < same_place * contact.reach) {
-      other.force += contact.first == other.first ? contact.force : -contact.force;
-      return;
-    }
-  contacts.push_back(contact);
+std::pair<Index, Index> pair_of(const Contact<D>& c) {
+  return std::minmax(c.first, c.second);
 }
 
+/// Visits the contacts of each pair of particles, pair by pair: visit(pair, contacts).
+template <int D, class Visit>
+void for_each_pair(const std::vector<Contact<D>>& sorted, Visit&& visit) {
+  for (auto first = sorted.begin(); first != sorted.end();) {
+    const auto pair = pair_of<D>(*first);
+    const auto last = std::find_if(first, sorted.end(), [&](const Contact<D>& c) { return pair_of<D>(c) != pair; });
+    visit(pair, std::span(first, last));
+    first = last;
+  }
+}
+
+/// Contacts, sorted by their pair. Forces at the same place are one contact.
 template <int D>
-ContactsOfPairs<D> find_contacts(const ForceField<D>& field, const StateView<D>& s) {
-  ContactsOfPairs<D> found;
+std::vector<Contact<D>> find_contacts(const ForceField<D>& field, const StateView<D>& s) {
+  std::vector<Contact<D>> found, merged;
   field.for_each_contact(s, [&](const Contact<D>& c) {
     const bool pushes = c.overlap > 0, pulls = c.force.dot(c.normal) < 0;
-    if ((pushes || pulls) && c.first != c.second) add(found[std::minmax(c.first, c.second)], c);
+    if ((pushes || pulls) && c.first != c.second) found.push_back(c);
   });
-  return found;
+  std::ranges::stable_sort(found, {}, pair_of<D>);
+  merged.reserve(found.size());
+  for_each_pair<D>(found, [&](const auto&, std::span<const Contact<D>> contacts) {
+    constexpr Real same_place = 1e-6;  // in contact distances
+    const auto of_pair = static_cast<std::ptrdiff_t>(merged.size());
+    for (const Contact<D>& c : contacts) {
+      const auto same = std::find_if(merged.begin() + of_pair, merged.end(), [&](const Contact<D>& other) {
+        return (other.position - c.position).norm() < same_place * c.reach;
+      });
+      if (same == merged.end())
+        merged.push_back(c);
+      else
+        same->force += c.first == same->first ? c.force : -c.force;
+    }
+  });
+  return merged;
 }
 
 /// Ids of the rattlers. Removes their pairs.
 template <int D>
 std::vector<Index> remove_rattlers(const Topology& topology, std::vector<TouchingPair<D>>& pairs) {
   struct Particle {
-    Index id, needed_neighbours, needed_contacts, neighbours = 0, contacts = 0;
+    Index id = 0, needed_neighbours = 0, needed_contacts = 0, neighbours = 0, contacts = 0;
     std::vector<std::size_t> pairs = {};
     bool held() const { return neighbours >= needed_neighbours && contacts >= needed_contacts; }
   };
-  std::map<Index, Particle> particles;  // by id
+  std::vector<Particle> particles(static_cast<std::size_t>(topology.owned()));  // by id
   for (Index m = 0; m < topology.owned(); ++m)
-    if (topology.active[m] != 0) {
-      const Index neighbours = topology.points_of(m) > 1 ? 2 : 0;
-      particles.emplace(topology.id[m], Particle{topology.id[m], neighbours, D + 1});
-    }
+    if (topology.active[m] != 0)
+      particles.at(topology.id[m]) = {topology.id[m], topology.points_of(m) > 1 ? 2 : 0, D + 1};
   for (std::size_t k = 0; k < pairs.size(); ++k)
     for (const Index id : {pairs[k].first, pairs[k].second}) {
       Particle& particle = particles.at(id);
@@ -61,7 +76,7 @@ std::vector<Index> remove_rattlers(const Topology& topology, std::vector<Touchin
   std::vector<Index> rattlers;
   std::vector<bool> dropped(pairs.size());
   std::vector<Particle*> unheld;
-  for (auto& [id, particle] : particles)
+  for (Particle& particle : particles)
     if (!particle.held()) unheld.push_back(&particle);
   while (!unheld.empty()) {
     const Particle& rattler = *unheld.back();
@@ -102,17 +117,16 @@ ContactNetwork<D> contact_network(ParticleSystem<D>& system, std::span<const Rea
                      system.walls().size());
   const StateView<D> s = system.view(x.data(), nullptr);
   const Topology& topology = s.topology;
-  const ContactsOfPairs<D> contacts = find_contacts(system.field(), s);
+  const std::vector<Contact<D>> contacts = find_contacts(system.field(), s);
 
   ContactNetwork<D> network;
   Real sum = 0, squares = 0;
-  for (const auto& [particles, of_pair] : contacts)
-    for (const Contact<D>& c : of_pair) {
-      sum += c.force.norm();
-      squares += c.force.squaredNorm();
-    }
+  for (const Contact<D>& c : contacts) {
+    sum += c.force.norm();
+    squares += c.force.squaredNorm();
+  }
   network.typical_force = sum > 0 ? squares / sum : 0;
-  for (const auto& [particles, of_pair] : contacts) {
+  for_each_pair<D>(contacts, [&](const auto& particles, std::span<const Contact<D>> of_pair) {
     const auto [m, n] = particles;
     TouchingPair<D> pair{topology.id[m], topology.id[n], mean_of_points<D>(s.x, topology, n), Vec<D>::Zero(), 0};
     pair.branch -= mean_of_points<D>(s.x, topology, m);
@@ -122,7 +136,7 @@ ContactNetwork<D> contact_network(ParticleSystem<D>& system, std::span<const Rea
       ++pair.contacts;
     }
     if (pair.contacts > 0) network.pairs.push_back(pair);
-  }
+  });
 
   network.rattlers = remove_rattlers<D>(topology, network.pairs);
   network.backbone =

@@ -1,6 +1,7 @@
 #include <pliant/model/neighbours.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -12,6 +13,7 @@
 #include <pliant/kernels/arrays.h>
 #include <pliant/kernels/edge_forces.h>
 #include <pliant/kernels/verlet.h>
+#include <pliant/model/chunks.h>
 
 namespace pliant {
 namespace {
@@ -35,23 +37,22 @@ Real least(const std::vector<Real>& values) {
 
 template <int D>
 Real Neighbours<D>::farthest(const Walls<D>& wall, const Real* x, Real t) const {
-  Real moved = built_ ? 0 : std::numeric_limits<Real>::infinity();
-  moved = std::max(moved, wall.moved(time_, t, [&](const Vec<D>& p) {
+  if (!built_) return std::numeric_limits<Real>::infinity();
+  const Real of_walls = wall.moved(time_, t, [&](const Vec<D>& p) {
     Real most = 0;
     for (Index i = 0; i < chunk_point_.back(); ++i) most = std::max(most, (point<D>(x, i) - p).norm());
     return most + widest_ / 2 + needs_.beyond_contact;
-  }));
+  });
   const bool deformed = deformation_ != Mat<D>::Identity();
-#pragma omp parallel for reduction(max : moved) if (chunks() > 1)
-  for (Index c = 0; c < chunks(); ++c) {
+  std::array<Real, max_chunks> moved;
+  for_each_chunk(chunks(), [&](Index c) {
     const Range own = points(c);
     const auto first = static_cast<std::size_t>(own.first) * D;
-    if (!built_) continue;
     const Real* reference = reference_.data() + first;
-    moved = std::max(moved, deformed ? farthest_from_deformed(own.size(), x + first, reference)
-                                     : pliant::farthest<D>(own.size(), x + first, reference));
-  }
-  return moved;
+    moved[c] = deformed ? farthest_from_deformed(own.size(), x + first, reference)
+                        : pliant::farthest<D>(own.size(), x + first, reference);
+  });
+  return std::max(of_walls, *std::max_element(moved.begin(), moved.begin() + chunks()));
 }
 
 template <int D>
@@ -145,35 +146,44 @@ void Neighbours<D>::build_pairs(const SearchSpace<D>& space) {
     list.reach.reserve(size);
   };
   std::vector<std::vector<Found>> across(n + 1);
-  ParallelErrors errors;
-#pragma omp parallel if (n > 1)
-  {
-    std::vector<Found> inside;
-#pragma omp for ordered schedule(dynamic, 1)
-    for (Index c = 0; c <= n; ++c) {
-      const Range range = c < n ? points(c) : Range{own, space.cloud.size()};
-      inside.clear();
-      errors.catch_from([&] {
-        Kind::search(space, range.first, range.last, [&](Index first, Index second, Real reach) {
-          const Index other = other_point({first, second});
-          if (c < n && range.contains(other))
-            inside.push_back({{first, second}, reach});
-          else if (c < n || other < own)
-            across[c].push_back({{first, second}, reach});
-        });
-      });
-#pragma omp ordered
-      errors.catch_from([&] {
-        if (c >= n) return;
-        // Capacity for the final size, if the other chunks, including borders, find as many pairs: doubling would hold
-        // the list twice for a while, and untouched memory costs nothing.
-        const std::size_t size = list.pairs.size() + inside.size();
-        if (size > list.pairs.capacity()) make_room(size + size * static_cast<std::size_t>(n - c) / (c + 1) + size / 4);
-        append(list, inside);
-      });
+  const auto search = [&](Index c, std::vector<Found>& inside) {
+    const Range range = c < n ? points(c) : Range{own, space.cloud.size()};
+    inside.clear();
+    Kind::search(space, range.first, range.last, [&](Index first, Index second, Real reach) {
+      const Index other = other_point({first, second});
+      if (c < n && range.contains(other))
+        inside.push_back({{first, second}, reach});
+      else if (c < n || other < own)
+        across[c].push_back({{first, second}, reach});
+    });
+  };
+  const auto append_found = [&](Index c, const std::vector<Found>& inside) {
+    if (c >= n) return;
+    // Capacity for the final size, if the other chunks, including borders, find as many pairs: doubling would hold
+    // the list twice for a while, and untouched memory costs nothing.
+    const std::size_t size = list.pairs.size() + inside.size();
+    if (size > list.pairs.capacity()) make_room(size + size * static_cast<std::size_t>(n - c) / (c + 1) + size / 4);
+    append(list, inside);
+  };
+  if (n == 1) {  // see for_each_chunk()
+    for (const Index c : {0, 1}) {
+      search(c, near_);
+      append_found(c, near_);
     }
+  } else {
+    ParallelErrors errors;
+#pragma omp parallel
+    {
+      std::vector<Found> inside;
+#pragma omp for ordered schedule(dynamic, 1)
+      for (Index c = 0; c <= n; ++c) {
+        errors.catch_from([&] { search(c, inside); });
+#pragma omp ordered
+        errors.catch_from([&] { append_found(c, inside); });
+      }
+    }
+    errors.rethrow();
   }
-  errors.rethrow();
   std::vector<std::size_t> found;  // the rest will be the pairs of other chunks
   for (const auto& part : across) found.push_back(part.size());
   for (Index c = 0; c <= n; ++c)
@@ -196,15 +206,11 @@ template <class Kind>
 void Neighbours<D>::build_own(const SearchSpace<D>& space) {
   const Index n = chunks();
   std::vector<std::vector<Pair>> parts(n);
-  ParallelErrors errors;
-#pragma omp parallel for schedule(dynamic, 1) if (n > 1)
-  for (Index c = 0; c < n; ++c)
-    errors.catch_from([&] {
-      Kind::search(space, points(c).first, points(c).last, [&](Index first, Index second) {
-        parts[c].push_back({first, second});
-      });
+  for_each_chunk(n, [&](Index c) {
+    Kind::search(space, points(c).first, points(c).last, [&](Index first, Index second) {
+      parts[c].push_back({first, second});
     });
-  errors.rethrow();
+  });
   PairList& list = this->*Kind::list;
   list.clear();
   for (const std::vector<Pair>& part : parts) {
@@ -221,21 +227,16 @@ template <class Add>
 auto Neighbours<D>::from_points(Add&& add) const -> FoundParts {
   const Index n = chunks();
   FoundParts parts{std::vector<std::vector<Found>>(n), std::vector<std::vector<Found>>(n)};
-  ParallelErrors errors;
-#pragma omp parallel for schedule(dynamic, 1) if (n > 1)
-  for (Index c = 0; c < n; ++c) {
+  for_each_chunk(n, [&](Index c) {
     const auto add_all = [&](const Range& range, std::vector<Found>& found) {
       for (Index e = range.first; e < range.last; ++e) {
         add(point_pairs[e].first, point_pairs[e].second, found);
         add(point_pairs[e].second, point_pairs[e].first, found);
       }
     };
-    errors.catch_from([&] {
-      add_all(point_pairs.inside(c), parts.inside[c]);
-      add_all(point_pairs.across(c), parts.across[c]);
-    });
-  }
-  errors.rethrow();
+    add_all(point_pairs.inside(c), parts.inside[c]);
+    add_all(point_pairs.across(c), parts.across[c]);
+  });
   return parts;
 }
 

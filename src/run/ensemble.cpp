@@ -6,6 +6,7 @@
 #include <poll.h>
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <chrono>
 #include <cmath>
@@ -13,7 +14,6 @@
 #include <cstring>
 #include <deque>
 #include <filesystem>
-#include <functional>
 #include <limits>
 #include <map>
 #include <optional>
@@ -118,27 +118,23 @@ struct Result {
   std::string summary;  ///< JSON text
   std::string objects;  ///< a message with the content of run.h5 (io/recording.h)
 
-  std::string bytes() const {
-    const std::string head = Json{{"code", static_cast<int>(code)}, {"message", message}, {"kept", kept}}.dump();
-    std::string all;
-    for (const std::string& part : {std::cref(head), std::cref(summary), std::cref(objects)}) {
-      const std::uint64_t size = part.size();
-      all.append(reinterpret_cast<const char*>(&size), sizeof size).append(part);
-    }
-    return all;
+  /// The objects, which are the largest part, are not copied.
+  std::string bytes() && {
+    const std::array<std::uint64_t, 2> sizes{objects.size(), summary.size()};
+    return std::move(objects)
+        .append(summary)
+        .append(Json{{"code", static_cast<int>(code)}, {"message", message}, {"kept", kept}}.dump())
+        .append(reinterpret_cast<const char*>(sizes.data()), sizeof sizes);
   }
-  static Result from(std::string_view bytes) {
-    const auto part = [&] {
-      std::uint64_t size = 0;
-      std::memcpy(&size, bytes.data(), sizeof size);
-      const std::string_view text = bytes.substr(sizeof size, size);
-      bytes.remove_prefix(sizeof size + size);
-      return text;
-    };
-    Json head = Json::parse(part());
-    Result result{static_cast<ExitCode>(head["code"].get<int>()), head["message"], std::move(head["kept"]), {}, {}};
-    result.summary = part();
-    result.objects = part();
+  static Result from(std::string&& bytes) {
+    std::array<std::uint64_t, 2> sizes{};
+    const std::size_t end = bytes.size() - sizeof sizes;
+    std::memcpy(sizes.data(), bytes.data() + end, sizeof sizes);
+    const auto [objects, summary] = sizes;
+    Json head = Json::parse(std::string_view(bytes).substr(0, end).substr(objects + summary));
+    Result result{static_cast<ExitCode>(head["code"].get<int>()), head["message"], std::move(head["kept"]),
+                  bytes.substr(objects, summary), std::move(bytes)};
+    result.objects.resize(objects);
     return result;
   }
 };
@@ -327,7 +323,7 @@ class Ensemble {
       for (std::size_t k = workers.size(); k-- > 0;) {
         if (wait[k].revents == 0) continue;
         const std::deque<Index> tasks = workers[k].tasks();
-        const auto bytes = workers[k].result();
+        auto bytes = workers[k].result();
         std::string death;
         if (!bytes) {
           death = fmt::format("the process of this run {}", workers[k].death());
@@ -336,10 +332,10 @@ class Ensemble {
         }
         supply(workers[k]);  // the worker computes while this process writes
         if (workers[k].tasks().empty()) workers.erase(workers.begin() + static_cast<std::ptrdiff_t>(k));
-        take(tasks.front(),
-             bytes ? Result::from(*bytes) : result_of(tasks.front(), ExitCode::numerical_failure, death, {}, {}));
+        take(tasks.front(), bytes ? Result::from(*std::move(bytes))
+                                  : result_of(tasks.front(), ExitCode::numerical_failure, death, {}, {}));
       }
-      constexpr Real often = 0.2;  // s
+      constexpr Real often = 1;  // s; after a kill, runs that are not in the file are made again
       if (control_.wall_seconds() - flushed_at_ > often) flush();
       show_progress(at_start);
     }

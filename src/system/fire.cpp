@@ -6,6 +6,7 @@
 
 #include <pliant/base/errors.h>
 #include <pliant/kernels/arrays.h>
+#include <pliant/kernels/fire.h>
 #include <pliant/model/chunks.h>
 
 namespace pliant {
@@ -31,10 +32,11 @@ void check(const FireOptions& o, std::size_t n, std::span<const Real> mass) {
 
 using ArrayMap = Eigen::Map<Eigen::ArrayXd>;
 
-/// BlockSums of a block of coordinates.
+/// Sums over a block of coordinates.
 struct BlockSums {
   std::size_t bad = 0;  ///< first coordinate with a force that is not finite; the end of the block if there is none
-  Real power = 0, force_norm = 0, largest_force = 0, speed_square = 0, largest_speed = 0;
+  FireForces forces;
+  Real speed_square = 0, largest_speed = 0;
 };
 
 /// Coordinates in blocks, one after the other in memory, which threads share. Sums over blocks are added in their
@@ -52,22 +54,27 @@ class CoordinateBlocks {
       visit(first, std::min(size, coordinates_ - first), sums_[static_cast<std::size_t>(block)]);
     });
   }
-  Real sum(Real BlockSums::*of) const {
+  FireForces forces() const {
+    FireForces all;
+    Real unit = 0, squares = 0;  // squares may underflow before the numbers do
+    for (const BlockSums& block : sums_) {
+      all.largest = std::max(all.largest, block.forces.largest);
+      all.power += block.forces.power;
+      unit = std::max(unit, block.forces.norm);
+    }
+    for (const BlockSums& block : sums_) squares += block.forces.norm / unit * (block.forces.norm / unit);
+    all.norm = unit * std::sqrt(squares);
+    return all;
+  }
+  Real speed_square() const {
     Real sum = 0;
-    for (const BlockSums& block : sums_) sum += block.*of;
+    for (const BlockSums& block : sums_) sum += block.speed_square;
     return sum;
   }
-  Real largest(Real BlockSums::*of) const {
+  Real largest_speed() const {
     Real largest = 0;
-    for (const BlockSums& block : sums_) largest = std::max(largest, block.*of);
+    for (const BlockSums& block : sums_) largest = std::max(largest, block.largest_speed);
     return largest;
-  }
-  /// The root of the sum of squares, which may underflow before the numbers do.
-  Real norm(Real BlockSums::*of) const {
-    const Real unit = largest(of);
-    Real sum = 0;
-    for (const BlockSums& block : sums_) sum += block.*of / unit * (block.*of / unit);
-    return unit * std::sqrt(sum);
   }
   /// First coordinate with a force that is not finite, or the number of coordinates.
   std::size_t bad() const {
@@ -113,11 +120,11 @@ FireResult fire(std::span<Real> x_in, std::span<const Real> mass, const EnergyAn
       o.force(x, f.data());
     ++result.evaluations;
     blocks.each([&](Eigen::Index first, Eigen::Index count, BlockSums& sums) {
-      const auto force = f.segment(first, count);
-      sums.bad = static_cast<std::size_t>(first) + first_non_finite(force.data(), static_cast<std::size_t>(count));
-      sums.largest_force = force.abs().maxCoeff();
-      sums.force_norm = force.matrix().stableNorm();  // f·f underflows before f does
-      sums.power = (force * v.segment(first, count)).sum();
+      const auto length = static_cast<std::size_t>(count);
+      const Real* const force = f.data() + first;
+      sums.forces = fire_forces(length, force, v.data() + first);
+      const bool finite = std::isfinite(sums.forces.norm);
+      sums.bad = static_cast<std::size_t>(first) + (finite ? length : first_non_finite(force, length));
     });
     if (const std::size_t bad = blocks.bad(); bad != x_in.size())
       throw NumericalError("FIRE: the force on coordinate {} is {} in iteration {}; reduce dt_max or set max_move", bad,
@@ -125,7 +132,8 @@ FireResult fire(std::span<Real> x_in, std::span<const Real> mass, const EnergyAn
     if (!std::isfinite(result.energy))
       throw NumericalError("FIRE: the energy is {} in iteration {}; reduce dt_max or set max_move", result.energy,
                            result.iterations);
-    result.max_force = blocks.largest(&BlockSums::largest_force);
+    const FireForces forces = blocks.forces();
+    result.max_force = forces.largest;
     const auto finish = [&](FireStop stop, std::string reason) {
       result.stop = stop;
       result.converged = stop != FireStop::iterations;
@@ -145,7 +153,7 @@ FireResult fire(std::span<Real> x_in, std::span<const Real> mass, const EnergyAn
                                                       o.max_iterations, result.max_force));
     ++result.iterations;
 
-    const bool uphill = !(blocks.sum(&BlockSums::power) > 0);
+    const bool uphill = !(forces.power > 0);
     if (!uphill) {
       if (++downhill > o.delay) {
         dt = std::min(dt * o.grow, o.dt_max);
@@ -167,28 +175,25 @@ FireResult fire(std::span<Real> x_in, std::span<const Real> mass, const EnergyAn
         ArrayMap(x + first, count) -= back * velocity;
         velocity.setZero();
       }
-      if (mass.size() > 1)
+      if (mass.size() > 1) {
         velocity += dt * force * inverse_mass.segment(first, count);
-      else
-        velocity += dt / mass.front() * force;
-      sums.speed_square = velocity.matrix().squaredNorm();
+        sums.speed_square = velocity.matrix().squaredNorm();
+      } else {
+        sums.speed_square =
+            fire_kick(static_cast<std::size_t>(count), dt / mass.front(), force.data(), velocity.data());
+      }
     });
-    const Real kept = 1 - alpha,
-               turned = alpha * std::sqrt(blocks.sum(&BlockSums::speed_square)) / blocks.norm(&BlockSums::force_norm);
+    const Real kept = 1 - alpha, turned = alpha * std::sqrt(blocks.speed_square()) / forces.norm;
     blocks.each([&](Eigen::Index first, Eigen::Index count, BlockSums& sums) {
-      auto velocity = v.segment(first, count);
-      velocity = kept * velocity + turned * f.segment(first, count);
-      if (o.max_move > 0)
-        sums.largest_speed = velocity.abs().maxCoeff();
-      else
-        ArrayMap(x + first, count) += dt * velocity;
+      const auto length = static_cast<std::size_t>(count);
+      sums.largest_speed = fire_turn(length, kept, turned, f.data() + first, v.data() + first);
+      if (!(o.max_move > 0)) fire_move(length, dt, v.data() + first, x + first);
     });
     if (!(o.max_move > 0)) continue;
-    const Real move = dt * blocks.largest(&BlockSums::largest_speed), part = o.max_move / move;
+    const Real move = dt * blocks.largest_speed(), part = o.max_move / move;
     blocks.each([&](Eigen::Index first, Eigen::Index count, BlockSums&) {
-      auto velocity = v.segment(first, count);
-      if (move > o.max_move) velocity *= part;
-      ArrayMap(x + first, count) += dt * velocity;
+      if (move > o.max_move) v.segment(first, count) *= part;
+      fire_move(static_cast<std::size_t>(count), dt, v.data() + first, x + first);
     });
   }
 }

@@ -351,7 +351,7 @@ TEST_CASE("a recorder's objects are those of a run in a folder, without views an
   CHECK(recorder.recorded() == message);
   {
     auto file = File::create(scratch / "members.h5");
-    file.create_group("member").add(hdf5::Recorded::from(message));
+    file.create_group("member").add(message);
     file.close();
   }
   const auto whole = File::open_read(scratch / "run.h5"), file = File::open_read(scratch / "members.h5");
