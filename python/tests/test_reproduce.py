@@ -282,6 +282,10 @@ def test_rows_and_their_file(tmp_path):
     table = pd.read_csv(path)
     assert list(zip(table["level"], table["quantity"], table["ours"])) == [("full", "beta", 1), ("full", "k", 2),
                                                                            ("quick", "beta", 3)]
+    path.unlink()
+    for level in ("quick", "full"):
+        write_rows(path, first.assign(level=level, commit="12345678e012"))  # not a number
+    assert set(pd.read_csv(path, dtype=str)["commit"]) == {"12345678e012"}
     path.write_text("a,b\n1,2\n", encoding="utf-8")
     with pytest.raises(PliantError, match="not a table of this command"):
         write_rows(path, first)

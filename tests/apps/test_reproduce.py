@@ -31,7 +31,7 @@ def test_a_figure_of_a_table_of_ones_own(tmp_path):
     command = [sys.executable, "-B", PYTHON / "pliant-reproduce", "H2", "--table", "mine.csv", "--program", PROGRAM]
     for _ in range(2):
         subprocess.run(command, cwd=tmp_path, check=True, timeout=300, env=os.environ | {"OMP_NUM_THREADS": "1"})
-    table = pd.read_csv(tmp_path / "reproduced/reproduced.csv").set_index("quantity")
+    table = pd.read_csv(tmp_path / "reproduced/reproduced.csv", dtype={"commit": str}).set_index("quantity")
     beta = table.loc["beta: soft, E_sp = 100, drag only"]
     assert 0 < beta["ours"] < 3 and beta["error"] > 0 and beta["published"] == 0.5 and beta["cpu_hours"] > 0
     assert set(table["seeds"]) == {"1-2"} and table["commit"].str.match(r"[0-9a-f]{7,}|unknown").all()

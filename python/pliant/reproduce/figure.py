@@ -156,7 +156,7 @@ def write_rows(path, new):
     table = new
     if path.exists():
         try:
-            old = pd.read_csv(path, keep_default_na=False, na_values=[""])
+            old = pd.read_csv(path, dtype={"commit": str}, keep_default_na=False, na_values=[""])
             key = ["figure", "level", "table"]
             stays = ~pd.MultiIndex.from_frame(old[key].astype(str)).isin(pd.MultiIndex.from_frame(new[key]))
         except (OSError, ValueError, KeyError) as error:

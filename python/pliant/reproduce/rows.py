@@ -63,7 +63,7 @@ for _name, _operation, _relative in (("add", operator.add, False), ("sub", opera
 
 @cache
 def reproduced():
-    return pd.read_csv(VALIDATION / "reproduced.csv", keep_default_na=False)
+    return pd.read_csv(VALIDATION / "reproduced.csv", dtype={"commit": str}, keep_default_na=False)
 
 
 def _number(text):
