@@ -270,20 +270,15 @@ void PackingProtocol<D>::find_modes() {
     frequencies_ = found.frequencies();
     participation_ = found.participation;
     zero_modes_ = found.zero;
-    for (Index k = 0; k < std::min<Index>(found.vectors.cols(), most_drawn); ++k) {
+    const Real at_rest = energies_along<D>(this->particles(), x(), {}, std::array{Real(0)})[0].total;
+    for (Index k = 0; k < found.vectors.cols() && (k < most_drawn || !amplitudes.empty()); ++k) {
       const std::vector<Real> mode = mode_displacements(this->particles(), found, k);
-      for (std::size_t i = 0; i < points; ++i)
+      for (std::size_t i = 0; k < most_drawn && i < points; ++i)
         std::copy_n(&mode[i * D], D, &mode_displacements_[i * width + static_cast<std::size_t>(k) * D]);
-    }
-    if (!amplitudes.empty()) {
-      const std::vector<Real> nowhere(points * D);
-      const Real at_rest = energies_along<D>(this->particles(), x(), nowhere, std::array{Real(0)})[0].total;
-      for (Index k = 0; k < found.vectors.cols(); ++k)
-        for (const PackingEnergy& one :
-             energies_along<D>(this->particles(), x(), mode_displacements(this->particles(), found, k), amplitudes)) {
-          mode_energies_.push_back(one.total - at_rest);
-          mode_contact_energies_.push_back(one.contacts);
-        }
+      for (const PackingEnergy& one : energies_along<D>(this->particles(), x(), mode, amplitudes)) {
+        mode_energies_.push_back(one.total - at_rest);
+        mode_contact_energies_.push_back(one.contacts);
+      }
     }
   }
   const auto fill = [&](std::vector<Real>& values, std::size_t of_mode) {
