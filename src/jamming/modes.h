@@ -30,7 +30,7 @@ struct Modes {
   ModeMass mass = ModeMass::vibrations;
   std::vector<Index> points;  ///< own point of rows D k … D k + D − 1
   /// [modes] (Σ_m e_m²)²/(N Σ_m e_m⁴) over the N active particles m, e_m² the sum of the squares of the vector over the
-  /// points of a particle: 1 if all particles move alike, 1/N if one moves.
+  /// points of a particle: 1 if all e_m² are equal, 1/N if one particle moves.
   std::vector<Real> participation;
   Index zero = 0;       ///< number of zero modes among them, unstable ones not included
   Index unstable = 0;   ///< number of negative eigenvalues that are not zero
