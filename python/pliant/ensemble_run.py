@@ -1,4 +1,4 @@
-"""Results of ensembles: many runs of one scenario in one file, made by -ensemble."""
+"""Results of ensembles (-ensemble): many runs of one scenario in one file."""
 
 import json
 import tempfile
@@ -33,9 +33,9 @@ class Ensemble(Sequence):
         if not (self.path / "members.csv").exists():
             raise RunError(f"{self.path}: the ensemble has not ended; wait, or repeat its command to resume it")
         self._file = RunFile(self.path / "ensemble.h5")
-        #: The settings that all runs share, and the option that differs.
+        #: The settings that all runs share, and the varied option (of -ensemble_over) with its values.
         self.description = json.loads(self._file.text(self._file["ensemble"]))
-        #: One row for each run: member, seed, the option that differs, status, results.
+        #: One row for each run: member (its number), seed, value of the varied option, status, results, message.
         self.table = pd.read_csv(self.path / "members.csv")
 
     def __repr__(self):
@@ -43,8 +43,8 @@ class Ensemble(Sequence):
 
     @property
     def means(self):
-        """One row for each value of the option that differs: members, and for each result its mean and, in
-        RESULT_error, the standard error of the mean over the runs."""
+        """One row for each value of the varied option: members (number of runs that have not failed), and for each
+        result its mean over these runs and, in RESULT_error, the standard error of this mean."""
         option = self.description["option"]
         whole = self.table[self.table.status != "failed"]
         names = [name for name in whole if name not in ("member", "seed", option, "status", "message")]
@@ -70,7 +70,7 @@ class Ensemble(Sequence):
         return run
 
     def has_data(self, number):
-        """Whether a run has series and frames: a run that failed at its start has none."""
+        """Whether the run `number` has series and frames: a run that failed at its start has none."""
         return "manifest" in self._file["members"][f"{range(len(self))[number]:06d}"]
 
     def report(self, path=None, limit=None, member=None):
@@ -81,7 +81,8 @@ class Ensemble(Sequence):
         return write_ensemble(self, path, LIMIT if limit is None else limit, member)
 
     def extract(self, number, folder):
-        """Writes run.h5 and summary.json of run `number` to a new folder, and returns the Run of this folder."""
+        """Writes run.h5 and summary.json of the run `number` to a new folder, and returns the Run of this folder. Raises
+        RunError if the run failed before it had data."""
         folder = Path(folder)
         name = f"{range(len(self))[number]:06d}"
         member = self._file["members"][name]

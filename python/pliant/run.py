@@ -201,28 +201,27 @@ class Profile:
 
 @dataclass(frozen=True)
 class ModeEnergies:
-    """Energies of packings that are displaced along their modes, one row per sample of the series; NaN where there is no mode."""
+    """Energies of packings that are displaced along their K modes by A amplitudes, for each of T samples; NaN where there is no mode."""
 
-    amplitude: np.ndarray  #: [A] displacement of the point that moves farthest
-    energy: np.ndarray     #: [T, K, A] minus the energy at rest
+    amplitude: np.ndarray  #: [A] displacement of the point that moves farthest, in sigma_avg
+    energy: np.ndarray     #: [T, K, A] energy of the displaced packing, minus its energy at rest
     contacts: np.ndarray   #: [T, K, A] energy of the contacts of the displaced packing
 
     @property
     def quadratic(self):
-        """[T, K] coefficient of the square of the amplitude, at the smallest one."""
+        """[T, K] energy over the square of the amplitude, at the smallest amplitude."""
         return self.energy[..., 0] / self.amplitude[0]**2
 
     @property
     def above_crossover(self):
-        """[T, K, A] bool: where the energy exceeds 100 times its quadratic part, and contacts that have closed hold at most 1 % of
-        it. Along a mode without stiffness contacts can only open, to the order at which their energy changes, so that a rise
-        of their energy shows new contacts."""
+        """[T, K, A] bool: where the energy exceeds 100 times its quadratic part, and new contacts hold at most 1 % of it. Along a
+        mode without stiffness the contacts of the packing at rest only lose energy; a rise of the contact energy shows new ones."""
         quadratic = self.quadratic[..., None] * self.amplitude**2
         closed = self.contacts - np.minimum.accumulate(self.contacts, axis=-1) > 0.01 * self.energy
         return (self.energy > 100 * quadratic) & ~np.logical_or.accumulate(closed, axis=-1)
 
     def exponents(self, where, least=5):
-        """[T, K] slopes of ln energy in ln amplitude, of the amplitudes `where` [T, K, A]; NaN for fewer than `least` of them."""
+        """[T, K] slopes of ln energy in ln amplitude over the amplitudes `where` [T, K, A]; NaN for fewer than `least` amplitudes."""
         used = where & (self.energy > 0)
         number = used.sum(-1)
         x, y = (np.where(used, np.log(np.where(used, values, 1)), 0) for values in (np.broadcast_to(self.amplitude, used.shape), self.energy))
@@ -398,7 +397,7 @@ class Frame:
 
     @_read_once
     def particle_stress(self):
-        """[N, D(D + 1)/2] share of each particle of the stress, kinetic part included: xx, xy, yy (3D: xx, xy, xz, yy, yz, zz);
+        """[N, D(D + 1)/2] contribution of each particle to the stress, kinetic part included: xx, xy, yy (3D: xx, xy, xz, yy, yz, zz);
         tension is positive. The sum over all particles is the stress in the series."""
         return self._read("particle_stress", "packings in periodic boxes")
 
@@ -796,7 +795,7 @@ class Run:
 
     @_read_once
     def mode_energies(self):
-        """ModeEnergies of packings with -mode_amplitude."""
+        """The ModeEnergies of packings; of runs with -modes and -mode_amplitude."""
         arrays = self._series_arrays
         if "mode_energies" not in arrays or "series_axes" not in self._file:
             raise RunError(f"{self.path}: the run has no energies along modes: run pack with -modes and -mode_amplitude")

@@ -126,7 +126,7 @@ def _cell(value):
 
 
 def _means(ensemble, results):
-    """{columns, rows} of the means over the runs of each value of the option that differs."""
+    """{columns, rows} of the means over the runs of each value of the varied option."""
     columns = [*_option_column(ensemble), {"name": "members", "label": "runs", "unit": "", "numeric": True}, *_result_columns(results[:_RESULTS])]
     rows = []
     for _, row in ensemble.means.iterrows():
@@ -136,7 +136,7 @@ def _means(ensemble, results):
 
 
 def _charts(ensemble, results):
-    """Results of all runs that have not failed: against the option that differs, or as histograms."""
+    """Results of all runs that have not failed: against the varied option, or as histograms."""
     option, table = ensemble.description["option"], ensemble.table[ensemble.table["status"] != "failed"]
     means, charts = ensemble.means if option else None, []
     for one in results:
