@@ -501,7 +501,7 @@ class Moduli:
     bulk: -V dp/dV. shear: mean over all directions of shear. shear_xy: against simple shear, displacements along x that grow
     with y. stiffness: [3, 3] (3D: [6, 6]) change of the stress by strains, in the order xx, yy, xy (xx, yy, zz, yz, xz, xy),
     shear strains counted twice. stress: [D, D], tension positive; pressure: -trace(stress)/D. max_force: largest component of
-    a force on a point. rattlers: particles without support, which are left out; contacts: number of contacts without them.
+    a force on a point. rattlers: particles that their contacts cannot hold, which are left out; contacts: number without them.
     """
 
     def __init__(self, values):
@@ -807,8 +807,8 @@ class Simulation(_Fixed):
 
     def moduli(self, contact_threshold: float = 1e-5) -> Moduli:
         """Elastic moduli of the packing at rest, as pliant.pack(moduli=True) measures them: of all particles but the rattlers,
-        from the Hessian and the pre-stress. Nothing changes. Contacts with less than contact_threshold times the typical force
-        hold no particle up.
+        from the Hessian and the pre-stress. Nothing changes. Contacts whose force is below contact_threshold times the typical
+        force, sum(f^2)/sum(f), do not count.
 
         Errors: InputError for a box that is not periodic in all directions, walls, a force function, a model with rotation, and
         a packing that is not at equilibrium: call minimize() with a force_tolerance of 1e-9 of a contact force, or less.

@@ -29,8 +29,9 @@ def coordination(particles, walls=True):
 
 def rattlers(particles, least=None, walls=True):
     """[N] bool: present particles without a rigid place: with fewer than `least` contacts, after the contacts of other rattlers
-    have been removed, until none is left to remove. least: default D + 1, the least number that holds a particle without weight
-    and friction (D for particles that lie under gravity). Absent particles are False."""
+    have been removed, until none is left to remove. Two particles that touch at several vertices have one contact. least:
+    default D + 1, the least number that holds a particle without weight and friction (D for particles that lie under
+    gravity). Absent particles are False."""
     particles = Particles.of(particles, "pairs")
     least = particles.dim + 1 if least is None else least
     first, second = _bonds(particles, walls)
