@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <numeric>
 
 #include <pliant/domain/hilbert.h>
 #include <pliant/domain/partition.h>
@@ -11,24 +12,41 @@ namespace pliant {
 
 Migration::Migration(const Ranks& ranks, const Topology& topology, const std::vector<int>& destination,
                      const std::vector<std::uint64_t>& key)
-    : ranks_(ranks), leaving_(ranks.size()), destination_(destination), offset_(topology.offset) {
+    : ranks_(ranks), destination_(destination), count_(ranks.size()), point_count_(ranks.size()) {
+  const auto own = static_cast<std::size_t>(topology.owned());
+  offset_.assign(topology.offset.begin(), topology.offset.begin() + topology.owned() + 1);
+  for (Index m = 0; m < topology.owned(); ++m) {
+    ++count_[destination[m]];
+    point_count_[destination[m]] += topology.points_of(m);
+  }
+  std::vector<std::size_t> next(ranks.size());
+  std::exclusive_scan(count_.begin(), count_.end(), next.begin(), std::size_t(0));
   struct Traveller {
     std::uint64_t key;
     Index id, points;
   };
-  std::vector<std::vector<Traveller>> parts(ranks.size());
+  std::vector<Traveller> leaving(own);
+  leaving_.resize(own);
   for (Index m = 0; m < topology.owned(); ++m) {
-    leaving_[destination[m]].push_back(m);
-    parts[destination[m]].push_back({key[m], topology.id[m], topology.points_of(m)});
+    const std::size_t k = next[destination[m]]++;
+    leaving_[k] = m;
+    leaving[k] = {key[m], topology.id[m], topology.points_of(m)};
   }
-  const std::vector<Traveller> arrived = ranks.exchange(parts);
-  arrived_offset_.assign(1, 0);
-  for (const Traveller& t : arrived) arrived_offset_.push_back(arrived_offset_.back() + t.points);
+  const std::vector<Traveller> arrived = ranks.exchange(std::move(leaving), count_);
+  struct Place {
+    std::uint64_t key;
+    Index id, arrival;
+    auto operator<=>(const Place&) const = default;
+  };
+  std::vector<Place> places(arrived.size());
+  arrived_offset_.assign(arrived.size() + 1, 0);
+  for (std::size_t k = 0; k < arrived.size(); ++k) {
+    places[k] = {arrived[k].key, arrived[k].id, static_cast<Index>(k)};
+    arrived_offset_[k + 1] = arrived_offset_[k] + arrived[k].points;
+  }
+  std::ranges::sort(places);
   order_.resize(arrived.size());
-  std::iota(order_.begin(), order_.end(), 0);
-  std::sort(order_.begin(), order_.end(), [&](Index a, Index b) {
-    return arrived[a].key != arrived[b].key ? arrived[a].key < arrived[b].key : arrived[a].id < arrived[b].id;
-  });
+  std::ranges::transform(places, order_.begin(), &Place::arrival);
 }
 
 void Migration::move(Topology& topology) const {
@@ -44,6 +62,7 @@ void Migration::move(Topology& topology) const {
   move(topology.active);
   move(topology.id);
   std::vector<Index> points;
+  points.reserve(order_.size());
   for (const Index k : order_) points.push_back(arrived_offset_[k + 1] - arrived_offset_[k]);
   topology.connect(points);
 }

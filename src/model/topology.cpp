@@ -4,6 +4,16 @@
 
 namespace pliant {
 
+void Topology::reserve(Index particles, Index points) {
+  const auto n = static_cast<std::size_t>(particles), all = static_cast<std::size_t>(points);
+  offset.reserve(n + 1);
+  for (auto* a : {&particle, &next, &previous}) a->reserve(all);
+  diameter.reserve(all);
+  for (auto* a : {&point_mass, &inverse_point_mass, &inertia, &inverse_inertia, &sigma, &a0, &l0}) a->reserve(n);
+  active.reserve(n);
+  id.reserve(n);
+}
+
 void Topology::connect_points(Index n) {
   const Index first = points(), m = particles();
   for (Index k = 0; k < n; ++k) {
@@ -56,6 +66,9 @@ Topology Topology::select(std::span<const Index> which) const {
   Topology t;
   t.dim = dim;
   t.surfaces = surfaces;
+  Index all = 0;
+  for (const Index m : which) all += points_of(m);
+  t.reserve(static_cast<Index>(which.size()), all);
   for (const Index m : which) {
     t.connect_points(points_of(m));
     t.diameter.insert(t.diameter.end(), diameter.begin() + offset[m], diameter.begin() + offset[m + 1]);

@@ -54,6 +54,8 @@ struct Topology {
     return ghost_side[ghost - owned()] > 0 ? own : ghost;
   }
 
+  /// Makes room for so many particles and points.
+  void reserve(Index particles, Index points);
   /// Appends a soft particle of diameter sigma and the given mass: a disk or a sphere, according to its moment of
   /// inertia.
   void add_soft(Real sigma_m, Real mass_m);
