@@ -41,6 +41,10 @@ class Ensemble(Sequence):
     def __repr__(self):
         return f"<Ensemble {self.path}: {len(self)} runs of {self.description['scenario']}>"
 
+    def column(self, result):
+        """The column of a result in `table` and `means`; RESULT_result for a result with the name of the varied option."""
+        return f"{result}_result" if result == self.description["option"] else result
+
     @property
     def means(self):
         """One row for each value of the varied option: members (number of runs that have not failed), and for each

@@ -253,7 +253,8 @@ class Ensemble {
     Json summary = std::move(output.summary);
     if (!summary.is_object()) summary = {{"status", "failed"}, {"message", message}};
     summary["seed"] = seed_of(member);
-    if (!varied_.values.empty()) summary[varied_.option] = value_of(member);
+    // A result may have the name of the option, as the pressure of a packing has.
+    if (!varied_.values.empty() && !summary.contains(varied_.option)) summary[varied_.option] = value_of(member);
     summary["results"] = output.results;
     summary["warnings"] = warnings;
     Json kept = Json::object();
@@ -411,7 +412,8 @@ class Ensemble {
     std::string text = "member,seed";
     if (!varied_.values.empty()) text.append(",").append(csv_cell(varied_.option));
     text += ",status";
-    for (const std::string& name : names) text.append(",").append(csv_cell(name));
+    for (const std::string& name : names)
+      text.append(",").append(csv_cell(name == varied_.option ? name + "_result" : name));
     text += ",message\n";
     for (const auto& [member, summary] : done_) {
       text += fmt::format("{},{}", member, seed_of(member));

@@ -94,6 +94,24 @@ def test_means_and_table(tmp_path):
     assert "-n 16: means of 4 runs" in result.stdout
 
 
+def test_result_with_the_name_of_the_varied_option(tmp_path):
+    pliant_python = pytest.importorskip("pliant")
+    result = pliant("pack", output=tmp_path / "run", n=16, pressure=1e-3, ensemble=3, ensemble_over="fraction=0.7,0.75")
+    assert result.returncode == 0, result.stderr
+    table = pd.read_csv(tmp_path / "run/members.csv")
+    assert list(table.fraction) == [0.7] * 3 + [0.75] * 3 and (table.fraction_result > 0.8).all()
+    summary = json.loads((tmp_path / "run/summary.json").read_text(encoding="utf-8"))
+    for group, (value, part) in zip(summary["groups"], table.groupby("fraction"), strict=True):
+        assert group["fraction"] == str(value)
+        assert group["results"]["fraction"]["value"] == pytest.approx(part.fraction_result.mean(), rel=1e-12)
+    with h5py.File(tmp_path / "run/ensemble.h5") as file:
+        member = json.loads(file["members/000000/summary"][()])
+    assert member["fraction"] == table.fraction_result[0]
+    runs = pliant_python.Ensemble(tmp_path / "run")
+    assert list(runs.means.fraction_result) == pytest.approx([g["results"]["fraction"]["value"] for g in summary["groups"]])
+    assert runs.report(tmp_path / "report.html").exists()
+
+
 def test_resumes_extends_and_refuses(tmp_path):
     folder = tmp_path / "run"
     ensemble(folder)

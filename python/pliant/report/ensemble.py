@@ -53,7 +53,8 @@ def _contents(ensemble, limit, member):
     if good:
         with ensemble[max(good, key=ensemble.table.notna().sum(axis=1).get)] as run:  # one with all results
             length, time = units(run)
-            results = [one for one in contents.results(run) if one["name"] in run.summary["results"] and one["name"] in ensemble.table]
+            results = [one | {"name": ensemble.column(one["name"])} for one in contents.results(run)
+                       if one["name"] in run.summary["results"] and ensemble.column(one["name"]) in ensemble.table]
             data |= {"subtitle": f"{contents.subtitle(run)} · {data['subtitle']}", "units": {"length": length, "time": time},
                      "common": [one for one in contents.parameters(run) if one["name"] not in ("seed", ensemble.description["option"])]}
     data["columns"], data["rows"] = _table(ensemble, results, data["remarks"])
