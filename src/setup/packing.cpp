@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <optional>
 #include <vector>
 
 #include <pliant/base/cure.h>
@@ -135,6 +136,7 @@ Topology outer_disks(const Topology& topology) {
   constexpr Real mass = 1;
   Topology disks;
   disks.dim = D;
+  disks.reserve(topology.particles(), topology.particles());
   for (Index m = 0; m < topology.particles(); ++m) disks.add_soft(2 * outer_radius(topology, m), mass);
   return disks;
 }
@@ -165,40 +167,85 @@ Relaxed push_apart(ParticleSystem<D>& system, FireOptions options, Real toleranc
   return relaxed;
 }
 
+namespace {
+
+/// Disks that are pushed apart, sorted in space at their first push: then searches and sums are fast.
 template <int D>
-Relaxed relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, const PushLimits& limits,
+class DiskPusher {
+ public:
+  DiskPusher(Topology disks, const Walls<D>& walls, const DiskPush& options, const Box<D>& box = {})
+      : options_(options),
+        system_(widened(std::move(disks), options.margin), walls, field(), options.skin, Ranks(), box) {}
+
+  void set_walls(const Walls<D>& walls) { system_.set_walls(walls); }
+
+  /// Arguments as of relax_disks().
+  Relaxed push(const std::function<bool(Index, const Real*)>& inside, std::span<Real> centres,
+               const std::function<void()>& check) {
+    const Topology& disks = system_.topology();
+    const Index n = disks.particles();
+    std::vector<Real> x(centres.begin(), centres.end());
+    if (sorted_) {
+      for (Index k = 0; k < n; ++k) point<D>(x.data(), k) = point<D>(centres.data(), disks.id[k]);
+    } else {
+      State state(n, D);
+      std::ranges::copy(x, state.x().begin());
+      system_.sort(state);
+      std::ranges::copy(state.x(), x.begin());
+      sorted_ = true;
+    }
+    const Real tolerance = of_widened(options_.tolerance);
+    FireOptions fire;
+    fire.dt = 0.1;
+    fire.dt_max = 0.5;
+    fire.force_tolerance = 1e-2 * options_.tolerance;
+    fire.max_iterations = options_.iterations;
+    // Nearly as many pairs as hold all disks: at the edge of jamming few of them open.
+    Real most_pairs = 0.9 * D * static_cast<Real>(n);
+    bool jammed = false;
+    fire.done = [&, looks = std::int64_t(0)](const Real* r) mutable {
+      // No force brings a disk back from beyond a wall.
+      if (largest_overlap<D>(system_, r, tolerance) <= tolerance) return true;
+      if (options_.looks == 0 || ++looks % options_.looks != 0) return false;
+      jammed = overlapping_pairs(system_, r, options_.tolerance) > most_pairs;
+      most_pairs /= 2;
+      return jammed;
+    };
+    const auto all_inside = [&](const Real* r) {
+      for (Index k = 0; k < n; ++k)
+        if (!inside(k, r)) return false;
+      return true;
+    };
+    Relaxed relaxed = push_apart<D>(system_, fire, tolerance, all_inside, x, check);
+    if (jammed) relaxed.reason = "they jam";
+    relaxed.max_overlap = std::max((1 + options_.margin) * relaxed.max_overlap - options_.margin, Real(0));
+    for (Index k = 0; k < n; ++k) point<D>(centres.data(), disks.id[k]) = point<D>(x.data(), k);
+    return relaxed;
+  }
+
+ private:
+  static Topology widened(Topology disks, Real margin) {
+    for (Real& d : disks.diameter) d *= 1 + margin;
+    return disks;
+  }
+  static auto field() {
+    return make_force_field<D>(ModelKind::sp, ParameterValues{{Role::contact_energy, 1.0}, {Role::wall_energy, 1.0}});
+  }
+  /// The overlap of widened disks that overlap by this part of their own contact distance.
+  Real of_widened(Real overlap) const { return (overlap + options_.margin) / (1 + options_.margin); }
+
+  DiskPush options_;
+  ParticleSystem<D> system_;
+  bool sorted_ = false;
+};
+
+}  // namespace
+
+template <int D>
+Relaxed relax_disks(Topology disks, const Walls<D>& walls, const DiskPush& options,
                     const std::function<bool(Index, const Real*)>& inside, std::span<Real> centres, const Box<D>& box,
                     const std::function<void()>& check) {
-  const Index n = disks.particles();
-  ParticleSystem<D> system(
-      std::move(disks), walls,
-      make_force_field<D>(ModelKind::sp, ParameterValues{{Role::contact_energy, 1.0}, {Role::wall_energy, 1.0}}), 0.3,
-      Ranks(), box);
-  {
-    State state(n, D);
-    std::copy(centres.begin(), centres.end(), state.x().begin());
-    system.sort(state);  // sorted in space, searches and sums are fast
-    std::copy(state.x().begin(), state.x().end(), centres.begin());
-  }
-  FireOptions options;
-  options.dt = 0.1;
-  options.dt_max = 0.5;
-  options.force_tolerance = 1e-2 * tolerance;
-  options.max_iterations = limits.iterations;
-  if (limits.jammed)
-    options.done = [&, looks = 0](const Real* r) mutable {
-      // Nearly as many as hold all particles: at the edge of jamming few of them open.
-      return ++looks % 10 == 0 && overlapping_pairs(system, r, tolerance) > 0.9 * D * static_cast<Real>(n);
-    };
-  const auto all_inside = [&](const Real* r) {
-    for (Index m = 0; m < n; ++m)
-      if (!inside(m, r)) return false;
-    return true;
-  };
-  const Relaxed relaxed = push_apart<D>(system, options, tolerance, all_inside, centres, check);
-  const std::vector<Real> sorted(centres.begin(), centres.end());
-  for (Index k = 0; k < n; ++k) point<D>(centres.data(), system.topology().id[k]) = point<D>(sorted.data(), k);
-  return relaxed;
+  return DiskPusher<D>(std::move(disks), walls, options, box).push(inside, centres, check);
 }
 
 void check_fit(const Topology& topology, const Container& container) {
@@ -212,18 +259,27 @@ template <int D>
 Packing pack(const Topology& topology, const Container& container, const PackingParameters& p, Real* x) {
   check_fit(topology, container);
   const Index n = topology.particles();
-  // At the edge of jamming raising the lid is quicker.
-  const PushLimits limits = {.iterations = n < many ? 2000 : 500, .jammed = n >= many};
+  DiskPush options{.tolerance = p.tolerance, .iterations = 2000, .looks = 30};
+  if (n >= many) {
+    options.looks = 10;
+    options.skin = 0.5;
+    // Wider disks lose the last small overlaps sooner.
+    options.margin = std::min(10 * p.tolerance, 1e-3);
+  }
+  Topology disks = outer_disks<D>(topology);
   Real content = 0, largest = 0;
-  for (const Topology disks = outer_disks<D>(topology); const Index m : disks.id) {
+  for (const Index m : disks.id) {
     content += disks.a0[m];
     largest = std::max(largest, disks.diameter[m]);
   }
   Packing packing;
   std::vector<Real> centres(static_cast<std::size_t>(n) * D);
   const auto inside = [&](Index m, const Real* r) { return container.inside(D, in_plane<D>(point<D>(r, m))); };
-  std::uint64_t round = 0, tried = 0;
-  for (packing.fraction = p.fraction;; packing.fraction *= 0.98, ++round) {
+  std::optional<DiskPusher<D>> pusher;
+  std::uint64_t tried = 0;
+  bool again = false;
+  packing.fraction = p.fraction;
+  for (std::uint64_t round = 0;; ++round) {
     const Real before = packing.height;
     // A few particles lie side by side: none may be higher than the lid.
     packing.height = std::max(container.fill_height(D, content / packing.fraction), 1.001 * largest);
@@ -235,17 +291,24 @@ Packing pack(const Topology& topology, const Container& container, const Packing
         find_place<D>(container, walls, packing.height, outer_radius(topology, m), p.seed, m, round,
                       round == 0 && n >= many ? &tried : nullptr, r);
     }
-    const Relaxed relaxed =
-        relax_disks<D>(outer_disks<D>(topology), walls, p.tolerance, limits, inside, centres, {}, p.check);
+    if (pusher)
+      pusher->set_walls(walls);
+    else
+      pusher.emplace(std::move(disks), walls, options);
+    const Relaxed relaxed = pusher->push(inside, centres, p.check);
     packing.iterations += relaxed.iterations;
     packing.max_overlap = relaxed.max_overlap;
     if (relaxed.done) break;
+    // Only disks beyond walls need another place, but perhaps they have none at this fraction.
+    again = relaxed.max_overlap <= p.tolerance && !again;
+    if (again) continue;
     if (packing.fraction < 0.5 * p.fraction)
       throw NumericalError(
           "packing {} particles: overlaps up to {:.2g}, or particles beyond walls, remain at a fraction of {:.2g} "
           "({}); "
           "is the hopper wide enough for them?",
           n, packing.max_overlap, packing.fraction, relaxed.reason);
+    packing.fraction *= 0.98;
   }
   packing.fraction = std::min(packing.fraction, content / container.capacity(D, packing.height));
   place_at_random_angles(topology, centres.data(), p.seed, x);
@@ -272,8 +335,7 @@ Packing pack(const Topology& topology, const Box<D>& box, const PackingParameter
                                          static_cast<std::uint64_t>(m) * D + static_cast<std::uint64_t>(k));
   }
   const Relaxed relaxed = relax_disks<D>(
-      std::move(disks), {}, p.tolerance, {.iterations = 20000}, [](Index, const Real*) { return true; }, centres, box,
-      p.check);
+      std::move(disks), {}, {.tolerance = p.tolerance}, [](Index, const Real*) { return true; }, centres, box, p.check);
   packing.iterations = relaxed.iterations;
   packing.max_overlap = relaxed.max_overlap;
   if (!relaxed.done)
@@ -294,10 +356,10 @@ template Relaxed push_apart(ParticleSystem<2>&, FireOptions, Real, const std::fu
                             std::span<Real>, const std::function<void()>&);
 template Relaxed push_apart(ParticleSystem<3>&, FireOptions, Real, const std::function<bool(const Real*)>&,
                             std::span<Real>, const std::function<void()>&);
-template Relaxed relax_disks<2>(Topology, const Walls<2>&, Real, const PushLimits&,
+template Relaxed relax_disks<2>(Topology, const Walls<2>&, const DiskPush&,
                                 const std::function<bool(Index, const Real*)>&, std::span<Real>, const Box<2>&,
                                 const std::function<void()>&);
-template Relaxed relax_disks<3>(Topology, const Walls<3>&, Real, const PushLimits&,
+template Relaxed relax_disks<3>(Topology, const Walls<3>&, const DiskPush&,
                                 const std::function<bool(Index, const Real*)>&, std::span<Real>, const Box<3>&,
                                 const std::function<void()>&);
 template Packing pack<2>(const Topology&, const Container&, const PackingParameters&, Real*);

@@ -48,16 +48,21 @@ Relaxed push_apart(ParticleSystem<D>& system, FireOptions options, Real toleranc
                    const std::function<bool(const Real*)>& inside, std::span<Real> x,
                    const std::function<void()>& check = nullptr);
 
-/// When disks are no longer pushed, although they still overlap.
-struct PushLimits {
-  std::int64_t iterations = 20000;  ///< of FIRE
-  bool jammed = false;              ///< also where about as many pairs overlap as hold all disks
+struct DiskPush {
+  Real tolerance = 1e-4;            ///< as of PackingParameters
+  std::int64_t iterations = 20000;  ///< largest number of FIRE iterations
+  /// After each `looks` · 10 iterations the overlapping pairs are counted: disks jam if there are more than 0.9 D pairs
+  /// for each disk at the first look, and half of this limit at each later one. 0: no looks.
+  std::int64_t looks = 0;
+  Real margin = 0;  ///< by this part of their diameters disks are widened while they are pushed
+  Real skin = 0.3;  ///< of the neighbour lists, in σ_avg
 };
 
-/// Pushes disks, which may lie on top of each other, apart and off the walls with FIRE. inside(m, r): whether disk m is
-/// in the container at centres r, needed if the walls alone do not confine the disks. centres [disks · D], by id.
+/// Pushes disks, which may lie on top of each other, apart and off the walls with FIRE, until no overlap is larger than
+/// the tolerance, they jam, or the iterations end. inside(m, r): whether the m-th centre of r is in the container,
+/// needed if the walls alone do not confine the disks. centres [disks · D], by id. check: as in PackingParameters.
 template <int D>
-Relaxed relax_disks(Topology disks, const Walls<D>& walls, Real tolerance, const PushLimits& limits,
+Relaxed relax_disks(Topology disks, const Walls<D>& walls, const DiskPush& options,
                     const std::function<bool(Index, const Real*)>& inside, std::span<Real> centres,
                     const Box<D>& box = {}, const std::function<void()>& check = nullptr);
 
@@ -66,7 +71,7 @@ void check_fit(const Topology& topology, const Container& container);
 
 /// Places the particles at random in the closed container, filled up to the height that gives the fraction, and relaxes
 /// them with FIRE until their outer disks do not overlap [H 2.4]. If they jam with overlaps, the lid is raised by two
-/// percent, until they fit: the densest start that this preparation reaches. Polygons get their regular shape and a
+/// percent, until they fit. Polygons get their regular shape and a
 /// random orientation. Writes x [points · D]. Errors: as check_fit; NumericalError if the particles do not fit at half
 /// the fraction.
 template <int D>

@@ -123,7 +123,7 @@ ChannelStart random_start(const Topology& disks, const Channel& channel, const W
     start.x.insert(start.x.end(), {r[0], r[1]});
   }
   const Relaxed relaxed = relax_disks<2>(
-      disks, walls, tolerance, {.iterations = most_iterations},
+      disks, walls, {.tolerance = tolerance, .iterations = most_iterations},
       [&](Index m, const Real* r) { return channel.inside(point<2>(r, m)); }, start.x);
   start.iterations = relaxed.iterations;
   start.max_overlap = relaxed.max_overlap;
