@@ -39,7 +39,9 @@ class EnsembleFile {
 
  private:
   EnsembleFile(hdf5::File file, nlohmann::ordered_json ensemble)
-      : file_(std::move(file)), ensemble_(std::move(ensemble)) {}
+      : file_(std::move(file)), ensemble_(std::move(ensemble)) {
+    file_.keep_little_metadata();
+  }
 
   hdf5::File file_;
   nlohmann::ordered_json ensemble_;

@@ -913,6 +913,19 @@ void File::rename(const std::filesystem::path& path) {
   file_ = path.string();
 }
 
+void File::keep_little_metadata() {
+  constexpr std::size_t bytes = 1 << 16;  // fits into the second-level cache
+  H5AC_cache_config_t cache{};
+  cache.version = H5AC__CURR_CACHE_CONFIG_VERSION;
+  require_memory(H5Fget_mdc_config(file_id_.get(), &cache));
+  cache.set_initial_size = true;
+  cache.initial_size = cache.min_size = cache.max_size = bytes;
+  cache.incr_mode = H5C_incr__off;
+  cache.flash_incr_mode = H5C_flash_incr__off;
+  cache.decr_mode = H5C_decr__off;
+  require_memory(H5Fset_mdc_config(file_id_.get(), &cache));
+}
+
 void File::flush() {
   if (recorded_) return;
   const Quiet quiet;

@@ -277,6 +277,9 @@ class File : public Group {
   const std::string& name() const { return file_; }
   /// Gives the file on disk another name. Groups opened before have the old one in their messages. Errors: OutputError.
   void rename(const std::filesystem::path& path);
+  /// Keeps fewer descriptions of objects in memory: for a file to which many small objects are written, none of them in
+  /// a group without a name. The writer touches few of them again, and HDF5 goes through all of them at each flush.
+  void keep_little_metadata();
   /// Commits everything written so far: after a kill of this process, or a loss of power, the file has at least this
   /// content. Errors: OutputError; the file stays as it was after the last flush, and the next flush tries again.
   void flush();

@@ -57,15 +57,13 @@ void Extents::put(std::uint64_t address, std::span<const std::byte> bytes) {
   if (block != blocks_.begin()) --block;
   if (block == blocks_.end() || block->first > address || block->first + block->second.size() <= address)
     block = blocks_.try_emplace(address).first;
-  std::pmr::vector<std::byte>& mine = block->second;
-  const std::uint64_t first = address - block->first, last = first + bytes.size();
-  if (mine.size() < last) mine.resize(last);
-  std::copy(bytes.begin(), bytes.end(), mine.begin() + static_cast<std::ptrdiff_t>(first));
+  std::pmr::string& mine = block->second;
+  mine.replace(address - block->first, bytes.size(), reinterpret_cast<const char*>(bytes.data()), bytes.size());
   const std::uint64_t end = block->first + mine.size();
   auto next = std::next(block);
   while (next != blocks_.end() && next->first < end) {
     const std::uint64_t covered = std::min<std::uint64_t>(end - next->first, next->second.size());
-    mine.insert(mine.end(), next->second.begin() + static_cast<std::ptrdiff_t>(covered), next->second.end());
+    mine.append(next->second, covered);
     next = blocks_.erase(next);
   }
 }
@@ -209,7 +207,7 @@ std::vector<std::byte> JournaledFile::journal(std::uint64_t end, bool with_tail)
       if (address >= end) continue;
       const std::uint64_t size = std::min<std::uint64_t>(block.size(), end - address);
       add(bytes_of(Change{address, size}));
-      add(std::span(block).first(size));
+      add(std::as_bytes(std::span(block)).first(size));
       ++number;
     }
   };
@@ -253,14 +251,14 @@ void JournaledFile::write_through(const Extents& extents) {
     std::size_t count = 0;
     for (std::uint64_t end = first->first; last != blocks.end() && last->first == end && count < pieces.size();
          ++last) {
-      pieces[count++] = {const_cast<std::byte*>(last->second.data()), last->second.size()};
+      pieces[count++] = {const_cast<char*>(last->second.data()), last->second.size()};
       end += last->second.size();
     }
     const ssize_t written = ::pwritev(file_, pieces.data(), static_cast<int>(count), static_cast<off_t>(first->first));
     auto left = static_cast<std::size_t>(std::max<ssize_t>(written, 0));  // the loop writes the other bytes
     for (auto block = first; block != last; ++block) {
       const std::size_t done = std::min(left, block->second.size());
-      write_through(block->first + done, std::span(block->second).subspan(done));
+      write_through(block->first + done, std::as_bytes(std::span(block->second)).subspan(done));
       left -= done;
     }
   }

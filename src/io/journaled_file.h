@@ -33,8 +33,9 @@ class Extents {
     blocks_.clear();
     memory_->release();
   }
-  /// By address. Neighbours are not joined, because each new piece would then move the bytes after it.
-  using Blocks = std::pmr::map<std::uint64_t, std::pmr::vector<std::byte>>;
+  /// By address. Neighbours are not joined, because each new piece would then move the bytes after it. Strings, because
+  /// vectors with such an allocator construct and destroy each byte by a call.
+  using Blocks = std::pmr::map<std::uint64_t, std::pmr::string>;
   const Blocks& blocks() const { return blocks_; }
 
  private:

@@ -3,11 +3,18 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 
 namespace pliant {
 namespace {
 
 constexpr Real skin = 0.3;
+
+/// As std::nearbyint for |a| < 2⁵¹, which is a call of a function.
+Real nearest_integer(Real a) {
+  constexpr Real without_fraction = 3 * static_cast<Real>(std::int64_t{1} << 51);
+  return (a + without_fraction) - without_fraction;
+}
 
 /// visit(law) for the laws of soft particles.
 template <class Visit>
@@ -92,7 +99,7 @@ void PointPacking<D>::find_pairs(const Real* y, Real scale) {
     for (Index j = 0; j <= i; ++j) {
       const Vec<D> r = point<D>(y, i) - point<D>(y, j);
       Vec<D> near;
-      for (int k = 0; k < D; ++k) near[k] = std::nearbyint(r[k] * inverse[k]);
+      for (int k = 0; k < D; ++k) near[k] = nearest_integer(r[k] * inverse[k]);
       const Real range = radius_[i] + radius_[j], limit = square((range + skin) / scale);
       const auto add = [&](const Vec<D>& image) {
         const Vec<D> shift = image.cwiseProduct(length);

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <pliant/kernels/fire.h>
+
 namespace pliant {
 namespace {
 
@@ -23,16 +25,18 @@ class Curvatures {
   /// The direction −H⁻¹ g, H the approximate Hessian with these pairs.
   void direction(const Eigen::VectorXd& g, ApproximateHessian& hessian, Eigen::VectorXd& d) {
     const Eigen::Index first = std::max<Eigen::Index>(0, count_ - most);
+    const auto n = static_cast<std::size_t>(g.size());
     d = -g;
     for (Eigen::Index i = count_ - 1; i >= first; --i) {
       const Eigen::Index k = place(i);
-      part_[k] = inverse_[k] * step_.col(k).dot(d);
-      d -= part_[k] * change_.col(k);
+      part_[k] = inverse_[k] * dot(n, step_.col(k).data(), d.data());
+      add_multiple(n, -part_[k], change_.col(k).data(), d.data());
     }
     hessian.solve(d);
     for (Eigen::Index i = first; i < count_; ++i) {
       const Eigen::Index k = place(i);
-      d += (part_[k] - inverse_[k] * change_.col(k).dot(d)) * step_.col(k);
+      const Real part = part_[k] - inverse_[k] * dot(n, change_.col(k).data(), d.data());
+      add_multiple(n, part, step_.col(k).data(), d.data());
     }
   }
 

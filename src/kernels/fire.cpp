@@ -93,10 +93,16 @@ PLIANT_MULTIVERSION Real fire_turn(std::size_t n, Real kept, Real turned, const 
   return largest;
 }
 
-PLIANT_MULTIVERSION void fire_move(std::size_t n, Real h, const Real* v, Real* x) {
+PLIANT_MULTIVERSION void add_multiple(std::size_t n, Real h, const Real* v, Real* x) {
   std::size_t i = 0;
   for (; i + 4 <= n; i += 4) simd::store4(x + i, simd::load4(x + i) + h * simd::load4(v + i));
   for (; i < n; ++i) x[i] += h * v[i];
+}
+
+PLIANT_MULTIVERSION Real dot(std::size_t n, const Real* a, const Real* b) {
+  Real4 lanes{};
+  for (std::size_t i = 0; i + 4 <= n; i += 4) lanes += simd::load4(a + i) * simd::load4(b + i);
+  return sum_of(lanes, n, [&](std::size_t k) PLIANT_INLINE_LAMBDA { return a[k] * b[k]; });
 }
 
 }  // namespace pliant

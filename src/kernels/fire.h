@@ -1,4 +1,4 @@
-// Passes of FIRE over coordinates, forces f[n] and velocities v[n]. Sums have the same bits on every machine.
+// Passes of minimisers over coordinates x[n], forces f and velocities v. Sums have the same bits on every machine.
 #pragma once
 
 #include <cstddef>
@@ -19,6 +19,8 @@ Real fire_kick(std::size_t n, Real h, const Real* f, Real* v);
 /// v ← kept v + turned f; returns max |v_i|.
 Real fire_turn(std::size_t n, Real kept, Real turned, const Real* f, Real* v);
 /// x += h v
-void fire_move(std::size_t n, Real h, const Real* v, Real* x);
+void add_multiple(std::size_t n, Real h, const Real* v, Real* x);
+/// a·b
+Real dot(std::size_t n, const Real* a, const Real* b);
 
 }  // namespace pliant

@@ -296,11 +296,11 @@ class Ensemble {
     const auto make = [this](Index member) { return this->make(member); };
     std::vector<Worker> workers;
     const std::size_t at_start = done_.size();
-    // A worker of short runs has the next one before it has finished the last, and does not wait for this process.
+    // A worker of short runs has its next runs before it has finished the last, and does not wait for this process.
     const auto supply = [&](Worker& worker) {
-      constexpr Real is_short = 0.1;  // s
-      const auto finished = static_cast<Real>(done_.size() - at_start);
-      const std::size_t most = control_.wall_seconds() * static_cast<Real>(workers_) < is_short * finished ? 2 : 1;
+      constexpr Real ahead = 0.1;  // s
+      const Real rate = static_cast<Real>(done_.size() - at_start) / std::max(control_.wall_seconds(), ahead);
+      const std::size_t most = 1 + static_cast<std::size_t>(ahead * rate / static_cast<Real>(workers_));
       for (; worker.tasks().size() < most && !left.empty(); left.pop_back()) worker.add(left.back());
     };
     while (workers.size() < static_cast<std::size_t>(workers_) && !left.empty()) {
@@ -336,7 +336,7 @@ class Ensemble {
         take(tasks.front(), bytes ? Result::from(*std::move(bytes))
                                   : result_of(tasks.front(), ExitCode::numerical_failure, death, {}, {}));
       }
-      constexpr Real often = 0.2;  // s
+      constexpr Real often = 1;  // s
       if (control_.wall_seconds() - flushed_at_ > often) flush();
       show_progress(at_start);
     }

@@ -220,7 +220,9 @@ Manifest make_manifest(std::string_view scenario, std::string_view model, int di
 
 nlohmann::ordered_json summary_head(std::string_view scenario, std::string_view model, std::string_view status,
                                     std::string_view ended_by, const Options& options) {
-  nlohmann::ordered_json s;
+  constexpr std::size_t most_entries = 100;  // with more entries all are copied when the object grows
+  nlohmann::ordered_json s = nlohmann::ordered_json::object();
+  s.get_ref<nlohmann::ordered_json::object_t&>().reserve(most_entries);
   s["program"] = program_name();
   s["version"] = build_info().version;
   s["scenario"] = scenario;

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 #include <pliant/base/console.h>
@@ -382,25 +383,25 @@ nlohmann::ordered_json Run<D>::summary() {
 
 /// The summary and, of a member of an ensemble, what its file holds so far.
 template <int D>
-void Run<D>::store(const nlohmann::ordered_json& summary) {
+void Run<D>::store(nlohmann::ordered_json&& summary) {
   if (p_.member == nullptr) return write_summary(p_.output, summary);
-  p_.member->summary = summary;
+  p_.member->summary = std::move(summary);
   p_.member->objects = writer_->recorded();
 }
 
-/// Names the results of a member of an ensemble: what its scenario has added to the summary of the run.
+/// Names the results of a member of an ensemble: the entries that its scenario has added after the first `of_the_run`.
 template <int D>
-void Run<D>::name_results(const nlohmann::ordered_json& of_the_run, const nlohmann::ordered_json& s) {
+void Run<D>::name_results(std::size_t of_the_run, const nlohmann::ordered_json& s) {
   if (p_.member == nullptr) return;
-  for (const auto& [name, value] : s.items())
-    if (!of_the_run.contains(name)) p_.member->results.push_back(name);
+  for (auto entry = std::next(s.begin(), static_cast<std::ptrdiff_t>(of_the_run)); entry != s.end(); ++entry)
+    p_.member->results.push_back(entry.key());
 }
 
 template <int D>
 ExitCode Run<D>::finish() {
   if (!stopped()) judge_energy();
   nlohmann::ordered_json s = summary();
-  const nlohmann::ordered_json of_the_run = s;
+  const std::size_t of_the_run = s.size();
   if (!stopped()) protocol_->conclude(s);
   ranks_.on_root([&] {
     writer_->flush();
@@ -419,7 +420,7 @@ ExitCode Run<D>::finish() {
           total.force_evaluations, Real(s["cpu_seconds"]), ns / particles_,
           points_ != particles_ ? fmt::format(", {:.1f} ns per vertex-step", ns / points_) : "");
     }
-    store(s);
+    store(std::move(s));
     writer_->close();
   });
   return stopped() ? ExitCode::stopped : ExitCode::done;
@@ -492,7 +493,7 @@ void Run<D>::fail(const Error& error) {
     status_ = "failed";
     nlohmann::ordered_json s = summary();
     s["message"] = message;
-    ranks_.on_root([&] { store(s); });
+    ranks_.on_root([&] { store(std::move(s)); });
   });
   throw Error(error.code(), message);
 }

@@ -87,8 +87,8 @@ class Run final : public AnyRun, private RunAccess {
   void report_reliability() const;
   std::string progress() const;
   nlohmann::ordered_json summary();
-  void store(const nlohmann::ordered_json& summary);
-  void name_results(const nlohmann::ordered_json& of_the_run, const nlohmann::ordered_json& summary);
+  void store(nlohmann::ordered_json&& summary);
+  void name_results(std::size_t of_the_run, const nlohmann::ordered_json& summary);
   [[noreturn]] void fail(const Error& error);
   std::string advice() const;
   IntegratorStatistics statistics() const;

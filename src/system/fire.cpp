@@ -187,13 +187,13 @@ FireResult fire(std::span<Real> x_in, std::span<const Real> mass, const EnergyAn
     blocks.each([&](Eigen::Index first, Eigen::Index count, BlockSums& sums) {
       const auto length = static_cast<std::size_t>(count);
       sums.largest_speed = fire_turn(length, kept, turned, f.data() + first, v.data() + first);
-      if (!(o.max_move > 0)) fire_move(length, dt, v.data() + first, x + first);
+      if (!(o.max_move > 0)) add_multiple(length, dt, v.data() + first, x + first);
     });
     if (!(o.max_move > 0)) continue;
     const Real move = dt * blocks.largest_speed(), part = o.max_move / move;
     blocks.each([&](Eigen::Index first, Eigen::Index count, BlockSums&) {
       if (move > o.max_move) v.segment(first, count) *= part;
-      fire_move(static_cast<std::size_t>(count), dt, v.data() + first, x + first);
+      add_multiple(static_cast<std::size_t>(count), dt, v.data() + first, x + first);
     });
   }
 }

@@ -199,13 +199,13 @@ void PackingProtocol<D>::run_minimiser(const MinimiserOptions& options) {
       throw NumericalError(
           "packing {} has not converged: {}; raise -max_iterations or -force_tolerance, or make steps smaller",
           this->state().step + 1, minimum_.reason);
+    find_network();
     if (minimum_.apart) return;
-    ContactNetwork<D> network = contact_network<D>(this->particles(), x(), p_.contact_threshold);
     // Particles that push each other though nothing holds them are at a saddle point, for example chains in a crystal.
-    const bool held = network.backbone > 0;
+    const bool held = network_.backbone > 0;
     if (held && !derivatives()) return;
-    if (!held) network.rattlers.clear();
-    if (!leave_saddle<D>(this->particles(), x(), network.rattlers)) return;
+    const std::span<const Index> none, rattlers = network_.rattlers;
+    if (!leave_saddle<D>(this->particles(), x(), held ? rattlers : none)) return;
     if (saddles == most_saddles)
       throw NumericalError(
           "packing {}: {} minimisations in a row have ended at saddle points of the energy; use another -seed or "
@@ -236,10 +236,13 @@ void PackingProtocol<D>::finish() {
 }
 
 template <int D>
+void PackingProtocol<D>::find_network() {
+  network_ = contact_network<D>(this->particles(), x(), p_.contact_threshold);
+}
+
+/// Of the network.
+template <int D>
 void PackingProtocol<D>::analyse() {
-  network_ = {};
-  if (this->state().step > 0 || minimum_.converged)  // not of the random start
-    network_ = contact_network<D>(this->particles(), x(), p_.contact_threshold);
   if (p_.moduli) moduli_ = backbone_moduli<D>(this->particles(), x(), network_);
   if (p_.modes > 0) find_modes();
 }
@@ -247,6 +250,7 @@ void PackingProtocol<D>::analyse() {
 template <int D>
 void PackingProtocol<D>::ready() {
   const std::int64_t iterations = minimum_.iterations;
+  if (this->state().step > 0 || minimum_.converged) find_network();  // not of the random start
   analyse();
   minimum_ = measure_at<D>(this->particles(), x());
   minimum_.iterations = iterations;

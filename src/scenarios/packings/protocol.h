@@ -65,6 +65,7 @@ class PackingProtocol : public Protocol<D> {
  private:
   Real rim_fraction() const;
   void finish();
+  void find_network();
   void analyse();
   void find_modes();
   void run_minimiser(const MinimiserOptions& options);
