@@ -102,6 +102,14 @@ def test_quench(tmp_path):
     assert dense["fraction"] == pytest.approx(1) and dense["pressure"] > 0.05 and dense["contacts"] > 64
 
 
+@pytest.mark.parametrize("options", [{}, {"force_tolerance": 0.1}, {"contact_law": "hertz"}, {"dim": 3, "fraction": 0.6},
+                                     {"modes": 10, "n": 100}])
+def test_particles_that_come_apart_are_at_no_saddle_point(options, tmp_path):
+    """At a coarse tolerance a minimisation ends while pairs still push each other apart."""
+    s = pack(tmp_path / "run", **{"n": 1000, "path": "quench", "fraction": 0.8, "force_tolerance": 1e-2, **options}).summary
+    assert s["pressure"] < 1e-9 and s["contacts"] == 0
+
+
 def test_polygons(tmp_path):
     s = pack(tmp_path / "run", n=6, model="rough", n_vertices=10, pressure=1e-2, start_pressure=1e-2).summary
     assert s["pressure"] == pytest.approx(1e-2, rel=1e-4) and s["rim_fraction"] > s["fraction"] > 0.4

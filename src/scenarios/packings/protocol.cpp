@@ -204,6 +204,9 @@ void PackingProtocol<D>::run_minimiser(const MinimiserOptions& options) {
     // Particles that push each other though nothing holds them are at a saddle point, for example chains in a crystal.
     const bool held = network.backbone > 0;
     if (held && !derivatives()) return;
+    // Within a coarse tolerance particles may also push each other apart, with contact forces that do not balance.
+    constexpr Real unbalanced = 0.1;
+    if (!held && !(minimum_.max_force < unbalanced * network.typical_force)) return;
     if (!held) network.rattlers.clear();
     if (!leave_saddle<D>(this->particles(), x(), network.rattlers)) return;
     if (saddles == most_saddles)
