@@ -116,6 +116,21 @@ def test_polygons(tmp_path):
     assert s["touching_pairs"] > 6
 
 
+def test_polygons_that_creep_below_jamming(tmp_path):
+    """The energy of small changes of a regular polygon is quartic, so that forces of 1e-12 take many iterations."""
+    regular = {"n": 4, "model": "rough", "n_vertices": 12, "path": "compress", "fraction_step": 0.02, "pressure": 1e-3}
+    run = pack(tmp_path / "run", **regular, max_iterations=30000)
+    creeping = run.series["iterations"] > 30000
+    assert creeping.any() and (run.series["pressure"][creeping] < 1e-6).all()
+    assert (run.series["max_force"] <= 1e-9).all() and run.summary["pressure"] == pytest.approx(1e-3, rel=1e-4)
+    later = pack(tmp_path / "later", **regular, max_iterations=100000).summary
+    assert run.summary["fraction"] == pytest.approx(later["fraction"], rel=1e-6)
+    # Derivatives need the finer tolerance.
+    failed = pliant("pack", output=tmp_path / "moduli", **regular, max_iterations=30000, moduli="yes")
+    assert failed.returncode == 3 and "bending stiffness (-k_b, now 0)" in failed.stderr
+    pack(tmp_path / "stiff", **regular, max_iterations=30000, moduli="yes", k_b=1e-3)
+
+
 def droplet_energy(centres, radii, length, f0, phi_c, a_s):
     """Energy of droplets in a square or cubic box [T 2.1, 2.4], and whether pairs interact."""
     i, j = np.triu_indices(len(radii), 1)
