@@ -89,6 +89,16 @@ def test_moduli_of_a_crystal(tmp_path):
     assert run.summary["bulk_modulus"] == pytest.approx(30 / (4 * run.frames[-1]["box"][1].prod()), rel=1e-3)
 
 
+@pytest.mark.parametrize("options", [{"n": 1, "fraction": 0.9}, {"n": 1, "dim": 3, "fraction": 0.6},
+                                     {"n": 2, "fraction": 0.9, "model": "bubble"}])
+def test_moduli_of_a_lattice(options, tmp_path):
+    """No strain exerts a force on a particle, and nothing resists the motion of a single one."""
+    low, high = (pack(tmp_path / f"{k}", **{**options, "fraction": options["fraction"] + k}, path="quench",
+                      moduli="yes").summary for k in (0, 1e-4))
+    by_difference = (high["pressure"] - low["pressure"]) / np.log(high["fraction"] / low["fraction"])
+    assert (low["bulk_modulus"] + high["bulk_modulus"]) / 2 == pytest.approx(by_difference, rel=1e-6)
+
+
 def test_particles_that_nothing_holds_leave_their_saddle_point(tmp_path):
     """These equal spheres crystallise; below p = 1e-3 only chains along one axis would touch."""
     s = pack(tmp_path / "run", n=128, dim=3, size_distribution="mono", seed=3).summary
