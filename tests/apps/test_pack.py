@@ -141,6 +141,15 @@ def test_polygons_that_creep_below_jamming(tmp_path):
     pack(tmp_path / "stiff", **regular, max_iterations=30000, moduli="yes", k_b=1e-3)
 
 
+def test_sheared_polygons_that_creep(tmp_path):
+    """Shear at constant volume may unjam polygons."""
+    result = pliant("shear", output=tmp_path / "run", n=6, model="rough", n_vertices=12, pressure=1e-4, strain=0.1,
+                    strain_step=0.01, seed=3, max_iterations=100000)
+    assert result.returncode == 0, result.stderr
+    s = Results(tmp_path / "run").series
+    assert (s["iterations"] >= 100000).any() and (s["max_force"][3:] <= 1e-10).all()
+
+
 def droplet_energy(centres, radii, length, f0, phi_c, a_s):
     """Energy of droplets in a square or cubic box [T 2.1, 2.4], and whether pairs interact."""
     i, j = np.triu_indices(len(radii), 1)
