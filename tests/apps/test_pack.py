@@ -120,6 +120,14 @@ def test_particles_that_come_apart_are_at_no_saddle_point(options, tmp_path):
     assert s["pressure"] < 1e-9 and s["contacts"] == 0
 
 
+def test_an_ensemble_counts_the_packings_with_moduli(tmp_path):
+    result = pliant("pack", output=tmp_path / "all", n=20, path="quench", fraction=0.82, moduli="yes", ensemble=6)
+    assert result.returncode == 0, result.stderr
+    loose = [line for line in (tmp_path / "all/members.csv").read_text().splitlines()[1:] if line.endswith(",,,")]
+    row = next(line for line in result.stdout.splitlines() if "bulk_modulus" in line)
+    assert 0 < len(loose) < 6 and row.endswith(f"(of {6 - len(loose)} runs)")
+
+
 def test_polygons(tmp_path):
     s = pack(tmp_path / "run", n=6, model="rough", n_vertices=10, pressure=1e-2, start_pressure=1e-2).summary
     assert s["pressure"] == pytest.approx(1e-2, rel=1e-4) and s["rim_fraction"] > s["fraction"] > 0.4
