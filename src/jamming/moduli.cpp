@@ -144,8 +144,14 @@ Moduli<D> moduli(ParticleSystem<D>& system, std::span<const Real> x, PreStress p
   const Stiffness<D> h(system, x, pre_stress);
   if (h.size() == 0) throw InputError("no particle is left in the run; moduli need a packing");
   constexpr Real relative_shift = 1e-10, relative_tolerance = 1e-12, accepted = 1e-8;
-  const Real bound = h.bound(), volume = system.box().volume();
-  if (!(bound > 0)) throw NumericalError("no particles touch, and the packing has no stiffness; compress it");
+  constexpr Real epsilon = std::numeric_limits<Real>::epsilon();
+  const StrainDerivatives<D>& strain = h.strain();
+  const Real bound = h.bound(), volume = system.box().volume(), length = system.box().length().maxCoeff(),
+             of_strain = strain.affine.cwiseAbs().maxCoeff() / square(length);
+  // One particle that touches its own images resists strains, although nothing resists its motion.
+  const bool moves_freely = bound <= epsilon * of_strain;
+  if (moves_freely && !(of_strain > 0))
+    throw NumericalError("no particles touch, and the packing has no stiffness; compress it");
 
   Moduli<D> m;
   const StateView<D> s = system.view(x.data(), nullptr);
@@ -155,18 +161,19 @@ Moduli<D> moduli(ParticleSystem<D>& system, std::span<const Real> x, PreStress p
     m.max_force = std::max(m.max_force, point<D>(force.data(), i).template lpNorm<Eigen::Infinity>());
   m.stress = pre_stress == PreStress::kept ? stress_of<D>(system, x.data()).stress : Mat<D>(Mat<D>::Zero());
 
-  SemidefiniteSolver<D> solver(h, relative_shift * bound);
-  const StrainDerivatives<D>& strain = h.strain();
-  Eigen::MatrixXd u(h.size(), D * D);
   // Where symmetry makes all forces vanish, they are rounding errors of sums of large products.
-  const Real rounding = 100 * std::numeric_limits<Real>::epsilon() * bound * system.box().length().maxCoeff() *
-                        std::sqrt(static_cast<Real>(h.size()));
-  const Real scale = largest_column(strain.mixed), floor = std::max(relative_tolerance * scale, rounding);
-  for (int k = 0; k < D * D; ++k) u.col(k) = -solver.solve(strain.mixed.col(k), floor);
+  const Real rounding =
+      100 * epsilon * (moves_freely ? of_strain : bound) * length * std::sqrt(static_cast<Real>(h.size()));
+  // In a crystal these forces come from the rest of the forces in the minimum, amplified by soft modes.
+  const Real noise = 100 * rounding, scale = largest_column(strain.mixed),
+             floor = scale > noise ? std::max(relative_tolerance * scale, rounding) : noise;
+  Eigen::MatrixXd u = Eigen::MatrixXd::Zero(h.size(), D * D);
+  if (!moves_freely) {
+    SemidefiniteSolver<D> solver(h, relative_shift * bound);
+    for (int k = 0; k < D * D; ++k) u.col(k) = -solver.solve(strain.mixed.col(k), floor);
+  }
   const Eigen::MatrixXd hu = h.matrix() * u;
   const Real left = largest_column(hu + strain.mixed);
-  // In a crystal these forces come from the rest of the forces in the minimum, amplified by soft modes.
-  const Real noise = 100 * rounding;
   m.residual = scale > noise ? left / scale : 0;
   if (!(left <= std::max(accepted * scale, noise)))
     throw NumericalError(

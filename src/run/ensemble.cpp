@@ -467,8 +467,9 @@ class Ensemble {
       if (!varied_.values.empty()) say("-{} {}: ", varied_.option, std::string(group[varied_.option]));
       say("means of {} runs\n", group["members"].get<Index>());
       for (const auto& [name, q] : group["results"].items())
-        say("  {:<24} {:.6g} +- {} {}\n", name, number_of(q),
-            q["error"].is_number() ? fmt::format("{:.2g}", Real(q["error"])) : "(unknown)", q.value("unit", ""));
+        say("  {:<24} {:.6g} +- {} {}{}\n", name, number_of(q),
+            q["error"].is_number() ? fmt::format("{:.2g}", Real(q["error"])) : "(unknown)", q.value("unit", ""),
+            q["members"] == group["members"] ? "" : fmt::format(" (of {} runs)", q["members"].get<Index>()));
     }
     s["groups"] = std::move(groups);
     write_summary(p_.output, s);

@@ -89,6 +89,16 @@ def test_moduli_of_a_crystal(tmp_path):
     assert run.summary["bulk_modulus"] == pytest.approx(30 / (4 * run.frames[-1]["box"][1].prod()), rel=1e-3)
 
 
+@pytest.mark.parametrize("options", [{"n": 1, "fraction": 0.9}, {"n": 1, "dim": 3, "fraction": 0.6},
+                                     {"n": 2, "fraction": 0.9, "model": "bubble"}])
+def test_moduli_of_a_lattice(options, tmp_path):
+    """No strain exerts a force on a particle, and nothing resists the motion of a single one."""
+    low, high = (pack(tmp_path / f"{k}", **{**options, "fraction": options["fraction"] + k}, path="quench",
+                      moduli="yes").summary for k in (0, 1e-4))
+    by_difference = (high["pressure"] - low["pressure"]) / np.log(high["fraction"] / low["fraction"])
+    assert (low["bulk_modulus"] + high["bulk_modulus"]) / 2 == pytest.approx(by_difference, rel=1e-6)
+
+
 def test_particles_that_nothing_holds_leave_their_saddle_point(tmp_path):
     """These equal spheres crystallise; below p = 1e-3 only chains along one axis would touch."""
     s = pack(tmp_path / "run", n=128, dim=3, size_distribution="mono", seed=3).summary
@@ -102,10 +112,50 @@ def test_quench(tmp_path):
     assert dense["fraction"] == pytest.approx(1) and dense["pressure"] > 0.05 and dense["contacts"] > 64
 
 
+@pytest.mark.parametrize("options", [{}, {"force_tolerance": 0.1}, {"contact_law": "hertz"}, {"dim": 3, "fraction": 0.6},
+                                     {"modes": 10, "n": 100}])
+def test_particles_that_come_apart_are_at_no_saddle_point(options, tmp_path):
+    """At a coarse tolerance a minimisation ends while pairs still push each other apart."""
+    s = pack(tmp_path / "run", **{"n": 1000, "path": "quench", "fraction": 0.8, "force_tolerance": 1e-2, **options}).summary
+    assert s["pressure"] < 1e-9 and s["contacts"] == 0
+
+
+def test_an_ensemble_counts_the_packings_with_moduli(tmp_path):
+    result = pliant("pack", output=tmp_path / "all", n=20, path="quench", fraction=0.82, moduli="yes", ensemble=6)
+    assert result.returncode == 0, result.stderr
+    loose = [line for line in (tmp_path / "all/members.csv").read_text().splitlines()[1:] if line.endswith(",,,")]
+    row = next(line for line in result.stdout.splitlines() if "bulk_modulus" in line)
+    assert 0 < len(loose) < 6 and row.endswith(f"(of {6 - len(loose)} runs)")
+
+
 def test_polygons(tmp_path):
     s = pack(tmp_path / "run", n=6, model="rough", n_vertices=10, pressure=1e-2, start_pressure=1e-2).summary
     assert s["pressure"] == pytest.approx(1e-2, rel=1e-4) and s["rim_fraction"] > s["fraction"] > 0.4
     assert s["touching_pairs"] > 6
+
+
+def test_polygons_that_creep_below_jamming(tmp_path):
+    """The energy of small changes of a regular polygon is quartic, so that forces of 1e-12 take many iterations."""
+    regular = {"n": 4, "model": "rough", "n_vertices": 12, "path": "compress", "fraction_step": 0.02, "pressure": 1e-3}
+    run = pack(tmp_path / "run", **regular, max_iterations=30000)
+    creeping = run.series["iterations"] > 30000
+    assert creeping.any() and (run.series["pressure"][creeping] < 1e-6).all()
+    assert (run.series["max_force"] <= 1e-9).all() and run.summary["pressure"] == pytest.approx(1e-3, rel=1e-4)
+    later = pack(tmp_path / "later", **regular, max_iterations=100000).summary
+    assert run.summary["fraction"] == pytest.approx(later["fraction"], rel=1e-6)
+    # Derivatives need the finer tolerance.
+    failed = pliant("pack", output=tmp_path / "moduli", **regular, max_iterations=30000, moduli="yes")
+    assert failed.returncode == 3 and "bending stiffness (-k_b, now 0)" in failed.stderr
+    pack(tmp_path / "stiff", **regular, max_iterations=30000, moduli="yes", k_b=1e-3)
+
+
+def test_sheared_polygons_that_creep(tmp_path):
+    """Shear at constant volume may unjam polygons."""
+    result = pliant("shear", output=tmp_path / "run", n=6, model="rough", n_vertices=12, pressure=1e-4, strain=0.1,
+                    strain_step=0.01, seed=3, max_iterations=100000)
+    assert result.returncode == 0, result.stderr
+    s = Results(tmp_path / "run").series
+    assert (s["iterations"] >= 100000).any() and (s["max_force"][3:] <= 1e-10).all()
 
 
 def droplet_energy(centres, radii, length, f0, phi_c, a_s):

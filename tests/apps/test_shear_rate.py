@@ -115,6 +115,12 @@ def test_a_short_run_has_a_flow_stress_without_an_error(tmp_path):
     assert "eps/sigma_avg^2 (no error: the run is too short), viscosity" in result.stdout and "nan" not in result.stdout
 
 
+def test_particles_that_never_touch_have_no_stress_ratio(tmp_path):
+    s = shear(tmp_path / "run", n=1, path="quench", fraction=0.5, shear_rate=0.1, strain=20).summary
+    assert s["flow_stress"]["value"] == s["flow_pressure"]["value"] == 0
+    assert s["stress_ratio"]["value"] is None and s["stress_ratio"]["no_error"] == "particles exert no pressure"
+
+
 def test_work_of_rare_contacts(tmp_path):
     """Between two particles the stress changes within a few of the steps at which it is sampled: its work is uncertain, and
     such a gain of energy is no error."""

@@ -161,7 +161,7 @@ def test_ranks_agree(tmp_path):
 @pytest.mark.parametrize("options, message", [
     ({"model": "sp"}, "nothing dissipates the energy that the walls add"),
     ({"restitution": 1, "mu_disk": 0, "mu_wall": 0, "mu_disk_dynamic": 0, "mu_wall_dynamic": 0}, "nothing dissipates"),
-    ({"lid": 2}, "use a higher lid"), ({"box_width": 1}, "wider"), ({"amplitude": 0}, "amplitude"), ({"frequency": -1}, "frequency"),
+    ({"lid": 2}, "use a higher lid"), ({"box_width": 1}, "upper end; use a wider container (-box_width)\n"), ({"amplitude": 0}, "amplitude"), ({"frequency": -1}, "frequency"),
     ({"model": "rough", "mu": 1, "dim": 3}, "-dim 2"), ({"n_vertices": 8}, "does not read it"), ({"dt": 0.1}, "limit of stability"),
     ({"direction": "up"}, "vertical"), ({"g": 9.81}, "unit of acceleration"), ({"samples_per_cycle": 2}, "samples_per_cycle"),
     ({"cycles": 1e9, "dt": 1e-9}, "too many steps"), ({"sample_interval": 1}, "sample_interval"), ({"t_end": 5}, "t_end")])

@@ -78,7 +78,7 @@ void PackingOptions::bind_minimisation(Options& o) {
           .max = 0.1,
           .on_restart = fixed});
   o.bind("max_iterations", max_iterations,
-         {.help = "iterations of a minimisation, after which the run fails", .min = 1, .on_restart = fixed});
+         {.help = "largest number of iterations of a minimisation", .min = 1, .on_restart = fixed});
   bind_threads(o);
 }
 

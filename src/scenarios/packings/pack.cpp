@@ -41,7 +41,8 @@ std::string PackProtocol<D>::end_at_last_time() const {
 template <int D>
 void PackProtocol<D>::make_next() {
   const auto k = static_cast<std::size_t>(this->state().step);
-  if (k == 0) this->minimise_energy();
+  const Real pressure_of_path = p_.path == PackingPath::quench ? 0 : pressures_[0];
+  if (k == 0) this->minimise_energy(pressure_of_path);
   if (p_.path == PackingPath::decompress) return this->minimise_enthalpy(pressures_[k]);
   if (p_.path == PackingPath::quench) return;
   const Real pressure = this->stress().pressure();
@@ -61,7 +62,7 @@ void PackProtocol<D>::make_next() {
   const Real before = *p_.fraction + static_cast<Real>(k - 1) * p_.fraction_step,
              factor = std::pow(before / (before + p_.fraction_step), Real(1) / D);
   this->deform(Mat<D>(factor * Mat<D>::Identity()));
-  this->minimise_energy();
+  this->minimise_energy(pressure_of_path);
 }
 
 template <int D>

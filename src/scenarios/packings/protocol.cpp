@@ -161,13 +161,13 @@ Real PackingProtocol<D>::tolerance(Real pressure) const {
 }
 
 template <int D>
-void PackingProtocol<D>::minimise_energy() {
+void PackingProtocol<D>::minimise_energy(Real pressure_of_path) {
   // The pressure, which the tolerance refers to, is the result.
   constexpr Real first = 1e-6, least = 1e-14;
   MinimiserOptions options = minimiser();
   const Real before = energy_now();
   for (options.force_tolerance = tolerance(first);;) {
-    run_minimiser(options);
+    if (!run_minimiser(options, tolerance(pressure_of_path))) break;
     const Real needed = tolerance(minimum_.stress.pressure());
     if (minimum_.apart || !(minimum_.max_force > needed) || needed < least) break;
     options.force_tolerance = needed;
@@ -182,30 +182,47 @@ void PackingProtocol<D>::minimise_enthalpy(Real pressure) {
   options.pressure = pressure;
   options.force_tolerance = tolerance(pressure);
   const Real before = energy_now(), volume = this->particles().box().volume();
-  run_minimiser(options);
+  run_minimiser(options, 0);
   energies_.relaxed += before - minimum_.energy + pressure * (volume - this->particles().box().volume());
   finish();
 }
 
 template <int D>
-void PackingProtocol<D>::run_minimiser(const MinimiserOptions& options) {
+bool PackingProtocol<D>::run_minimiser(const MinimiserOptions& options, Real coarse_tolerance) {
   // A configuration with symmetries may need several steps, each of which breaks one.
   constexpr int most_saddles = 20;
-  for (int saddles = 0;; ++saddles) {
-    minimum_ = minimise<D>(this->particles(), x(), options);
+  const bool creeps = D == 2 && p_.model.deformable() && p_.model.value(Role::bending) == 0;
+  const auto relax = [&](const MinimiserOptions& o) {
+    minimum_ = minimise<D>(this->particles(), x(), o);
     if (interrupted_) throw Interrupted();
     evaluations_ += minimum_.evaluations;
+  };
+  for (int saddles = 0;; ++saddles) {
+    relax(options);
+    const bool coarse = !minimum_.converged && coarse_tolerance > options.force_tolerance;
+    if (coarse) {
+      MinimiserOptions again = options;
+      again.force_tolerance = coarse_tolerance;
+      const std::int64_t iterations = minimum_.iterations;
+      relax(again);
+      minimum_.iterations += iterations;
+    }
     if (!minimum_.converged)
       throw NumericalError(
-          "packing {} has not converged: {}; raise -max_iterations or -force_tolerance, or make steps smaller",
-          this->state().step + 1, minimum_.reason);
+          "packing {} has not converged: {}; raise -max_iterations or -force_tolerance{}, or make steps smaller",
+          this->state().step + 1, minimum_.reason,
+          creeps ? fmt::format(", give the polygons bending stiffness ({}, now 0)", p_.model.option(Role::bending))
+                 : "");
     find_network();
-    if (minimum_.apart) return;
+    if (coarse || minimum_.apart) return !coarse;
     // Particles that push each other though nothing holds them are at a saddle point, for example chains in a crystal.
     const bool held = network_.backbone > 0;
-    if (held && !derivatives()) return;
+    if (held && !derivatives()) return true;
+    // Within a coarse tolerance particles may also push each other apart, with contact forces that do not balance.
+    constexpr Real unbalanced = 0.1;
+    if (!held && !(minimum_.max_force < unbalanced * network_.typical_force)) return true;
     const std::span<const Index> none, rattlers = network_.rattlers;
-    if (!leave_saddle<D>(this->particles(), x(), held ? rattlers : none)) return;
+    if (!leave_saddle<D>(this->particles(), x(), held ? rattlers : none)) return true;
     if (saddles == most_saddles)
       throw NumericalError(
           "packing {}: {} minimisations in a row have ended at saddle points of the energy; use another -seed or "

@@ -55,8 +55,10 @@ class PackingProtocol : public Protocol<D> {
 
   /// Deforms the box and moves the centres of the particles with it.
   void deform(const Mat<D>& f);
-  /// A minimum of the energy in the present box.
-  void minimise_energy();
+  /// A minimum of the energy in the present box. After the limit of iterations forces within the tolerance at
+  /// `pressure_of_path` suffice, because polygons without bending stiffness creep: the energy of a rest shape grows
+  /// with the fourth power of displacements.
+  void minimise_energy(Real pressure_of_path = 0);
   void minimise_enthalpy(Real pressure);
 
   const BoxStress<D>& stress() const { return minimum_.stress; }
@@ -68,7 +70,8 @@ class PackingProtocol : public Protocol<D> {
   void find_network();
   void analyse();
   void find_modes();
-  void run_minimiser(const MinimiserOptions& options);
+  /// False if only a second minimisation has converged, within a coarser tolerance.
+  bool run_minimiser(const MinimiserOptions& options, Real coarse_tolerance);
   MinimiserOptions minimiser();
   /// Of the forces, in ε/σ_avg.
   Real tolerance(Real pressure) const;

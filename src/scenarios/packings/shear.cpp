@@ -37,7 +37,7 @@ class QuasistaticShear final : public PackProtocol<D> {
     strain_ += f(0, 1);
     this->deform(f);
     if (p_.control == ShearControl::volume)
-      this->minimise_energy();
+      this->minimise_energy(p_.path == PackingPath::quench ? 0 : p_.pressure);
     else
       this->minimise_enthalpy(p_.pressure);
   }

@@ -277,8 +277,10 @@ void SteadyShear<D>::report(const Series& all, nlohmann::ordered_json& s) {
     s[name] = steady.steady ? quantity(factor * b.mean, factor * b.error, of)
                             : quantity(BlockAverage::unknown, BlockAverage::unknown, of);
     if (s[name]["error"].is_null())
-      s[name]["no_error"] =
-          steady.steady ? "no plateau of the block averages: the run is too short for an error" : steady.explanation;
+      s[name]["no_error"] = !steady.steady ? steady.explanation
+                            : std::isnan(b.mean)
+                                ? "particles exert no pressure"
+                                : "no plateau of the block averages: the run is too short for an error";
   };
   const BlockAverage of_stress = block_average(stress.subspan(steady.index));
   average("flow_stress", of_stress, unit);
