@@ -312,8 +312,14 @@ Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const Minimise
   // FIRE stops by the force on coordinates in the box at the start, below the force on a point if the box has shrunk.
   while (o.pressure && result.stop == FireStop::force && minimum.max_force > o.force_tolerance) {
     fire_options.max_iterations = o.max_iterations - result.iterations;
+    const std::int64_t iterations = result.iterations;
     result = after(result, once());
     minimum = measure_at<D>(system, x, o.t);
+    if (result.iterations > iterations || minimum.max_force <= o.force_tolerance) continue;
+    result.converged = false;
+    result.reason = fmt::format("rounding errors keep the largest force at {:.3g}, above the tolerance {:.3g}",
+                                minimum.max_force, o.force_tolerance);
+    break;
   }
   minimum.converged = result.converged;
   minimum.apart =

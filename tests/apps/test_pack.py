@@ -128,6 +128,11 @@ def test_an_ensemble_counts_the_packings_with_moduli(tmp_path):
     assert 0 < len(loose) < 6 and row.endswith(f"(of {6 - len(loose)} runs)")
 
 
+def test_a_tolerance_below_rounding_errors_ends(tmp_path):
+    result = pliant("pack", output=tmp_path / "run", n=16, force_tolerance=1e-12)
+    assert result.returncode == 3 and "has not converged" in result.stderr and "-force_tolerance" in result.stderr
+
+
 def test_polygons(tmp_path):
     s = pack(tmp_path / "run", n=6, model="rough", n_vertices=10, pressure=1e-2, start_pressure=1e-2).summary
     assert s["pressure"] == pytest.approx(1e-2, rel=1e-4) and s["rim_fraction"] > s["fraction"] > 0.4
