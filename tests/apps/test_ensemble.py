@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import subprocess
+import time
 
 import h5py
 import numpy as np
@@ -146,20 +147,22 @@ def members(folder):
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
 def test_goes_on_after_signals(how, tmp_path):
     folder = tmp_path / "run"
-    options = {**SMALL, "n": 60, "pressure": 1e-5, "ensemble": 400, "ensemble_workers": 2}
+    options = {**SMALL, "n": 60, "pressure": 1e-5, "ensemble": 1000, "ensemble_workers": 2}
     child = start("pack", output=folder, **options)
-    wait_for((folder / "ensemble.h5").exists, child)
-    wait_for(lambda: (folder / "ensemble.h5").stat().st_size > 12e6, child)
+    file = folder / "ensemble.h5"
+    wait_for(lambda: file.exists() and file.stat().st_size > 1e6, child)  # the first commit begins
+    time.sleep(1.5)  # the second commit has begun
+    assert child.poll() is None
     end(child, how)
     assert child.returncode == (75 if how == signal.SIGTERM else -how)
     result = pliant("pack", output=folder, **{**options, "max_wall_time": 1e-3})  # mends the file, and stops
     assert result.returncode == 75
     done = members(folder)
-    assert 0 < done < 400
+    assert 0 < done < 1000
     last = pliant("pack", output=folder, **options)
     assert last.returncode == 0 and f"{done} of them are done" in last.stdout
     table = pd.read_csv(folder / "members.csv")
-    assert list(table.member) == list(range(400)) and (table.status == "done").all()
+    assert list(table.member) == list(range(1000)) and (table.status == "done").all()
 
 
 def test_failed_members_are_counted(tmp_path):

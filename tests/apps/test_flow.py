@@ -124,7 +124,7 @@ def test_what_has_come_out_may_go_up_behind_a_wall(tmp_path):
     """Friction draws soft particles round the lips of a steep hopper. They count once, and fall."""
     options = {"model": "smooth", "n": 150, "hopper_wall_distance": 18, "hopper_width": 6, "hopper_angle": 30, "n_vertices": 12, "e_c": 250,
                "e_w": 250, "k_l": 10, "k_b": 0.1, "zeta": 0, "mu": 31.6227766, "pack_fraction": 0.9, "t_end": 7, "frame_interval": 0.1,
-               "seed": 2, "self_crossing": "count", "corner_contact": "literal"}
+               "seed": 10, "self_crossing": "count", "corner_contact": "literal"}
     run = hopper(tmp_path / "run", **options)
     behind = [outside(run, frame["centres"]) for frame in run.frames]
     (who,) = np.flatnonzero(np.any(behind, axis=0))
@@ -177,7 +177,7 @@ def test_soft_polygons_may_hang_over_the_lips(options, crossed, beyond, tmp_path
 
 def test_crossings_are_located_in_time(tmp_path):
     """Steps of 0.02 t0 and of 5e-4 t0 see the first particles, which fall freely, cross at the same time."""
-    options = {"hopper_wall_distance": 6, "zeta": 0, "t_end": 1.5, "integrator": "ts", "ts_type": "rk", "ts_rk_type": "5dp"}
+    options = {"hopper_wall_distance": 6, "hopper_width": 5, "zeta": 0, "t_end": 1.2, "integrator": "ts", "ts_type": "rk", "ts_rk_type": "5dp"}
     coarse = hopper(tmp_path / "coarse", **options, ts_rtol=1e-6, ts_atol=1e-6, sample_interval=1)
     fine = hopper(tmp_path / "fine", **options, ts_rtol=1e-9, ts_atol=1e-9, sample_interval=1)
     assert coarse.summary["steps"] < 0.6 * fine.summary["steps"]
@@ -196,9 +196,9 @@ def test_controlled_steps_do_not_jump_through_the_floor(method, tmp_path):
     assert (results.frames[-1]["centres"][:, 1] > 0.3).all() and results.frames[0]["centres"][:, 1].max() > 2
 
 
-@pytest.mark.parametrize("drag", ["per_particle", "per_mass"])
-def test_without_inertia_as_in_strong_drag(drag, tmp_path):
-    options = {"drag": drag, "zeta": 30, "mu": 0, "t_end": 8, "integrator": "ts", "ts_rtol": 1e-6, "ts_atol": 1e-6,
+@pytest.mark.parametrize("drag, t_end", [("per_particle", 8), ("per_mass", 10)])  # no contact opens or closes at this time
+def test_without_inertia_as_in_strong_drag(drag, t_end, tmp_path):
+    options = {"drag": drag, "zeta": 30, "mu": 0, "t_end": t_end, "integrator": "ts", "ts_rtol": 1e-6, "ts_atol": 1e-6,
                "corner_contact": "literal"}
     heavy = hopper(tmp_path / "heavy", **options)
     light = hopper(tmp_path / "light", **options, dynamics="overdamped")
@@ -288,7 +288,7 @@ def test_what_a_discharge_leaves_comes_to_rest(options, tmp_path):
 
 @pytest.mark.parametrize("options, status", [
     ({"hopper_angle": 45, "hopper_width": 0.6, "zeta": 1}, "clogged"),
-    ({"dim": 3, "n": 150, "pack_fraction": 0.64, "hopper_width": 0.5, "zeta": 1}, "clogged"),
+    ({"dim": 3, "n": 150, "pack_fraction": 0.64, "hopper_width": 0.5, "zeta": 1, "seed": 5}, "clogged"),
     ({"dim": 3, "n": 150, "pack_fraction": 0.64, "hopper_width": 3, "zeta": 1}, "at_rest"),
     ({"n": 20, "model": "rough", "e_c": 1000, "e_w": 1000, "k_a": 2000, "hopper_width": 0.4, "zeta": 1}, "clogged"),
     # Arches from the walls to a disk in the flow; and particles that rest on this disk only.
@@ -390,7 +390,7 @@ def test_a_clog_after_some_flow_is_no_flow(tmp_path):
 @pytest.fixture(scope="module", params=["sp", "rough", "sp_3d"])
 def settled(request, tmp_path_factory):
     """A pile on a floor with a hole too small for any particle."""
-    options = {"sp": {}, "rough": {"model": "rough", "n": 16, "hopper_wall_distance": 5, "t_end": 20, "zeta": 5},
+    options = {"sp": {}, "rough": {"model": "rough", "n": 16, "hopper_wall_distance": 5, "t_end": 20, "zeta": 5, "seed": 2},
                "sp_3d": {"dim": 3, "n": 60, "hopper_wall_distance": 4, "pack_fraction": 0.5}}[request.param]
     folder = tmp_path_factory.mktemp("settled") / "run"
     return hopper(folder, **{"hopper_width": 0.05, "zeta": 1, "mu": 0.5, "t_end": 60, "clog_time": 1000,

@@ -121,7 +121,7 @@ KINDS = {
     "flat": {"hopper_angle": 60, "obstacle": "disk:0,5,0.8"},
     "spheres": {"dim": 3, "n": 120, "hopper_wall_distance": 5, "hopper_width": 3.5, "pack_fraction": 0.5, "t_end": 2},
     "rough": {"model": "rough", "n": 20, "hopper_wall_distance": 6, "hopper_width": 0.5, "t_end": 3},
-    "disks": {"model": "disk", "mu_disk_dynamic": 0.4, "mu_wall_dynamic": 0.4, "mu": None, "zeta": None, "t_end": 1},
+    "disks": {"model": "disk", "seed": 2, "mu_disk_dynamic": 0.4, "mu_wall_dynamic": 0.4, "mu": None, "zeta": None, "t_end": 1},
 }
 
 

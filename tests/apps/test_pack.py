@@ -123,7 +123,7 @@ def test_particles_that_come_apart_are_at_no_saddle_point(options, tmp_path):
 def test_an_ensemble_counts_the_packings_with_moduli(tmp_path):
     result = pliant("pack", output=tmp_path / "all", n=20, path="quench", fraction=0.82, moduli="yes", ensemble=6)
     assert result.returncode == 0, result.stderr
-    loose = [line for line in (tmp_path / "all/members.csv").read_text().splitlines()[1:] if line.endswith(",,,")]
+    loose = [line for line in (tmp_path / "all/members.csv").read_text(encoding="utf-8").splitlines()[1:] if line.endswith(",,,")]
     row = next(line for line in result.stdout.splitlines() if "bulk_modulus" in line)
     assert 0 < len(loose) < 6 and row.endswith(f"(of {6 - len(loose)} runs)")
 
