@@ -200,15 +200,15 @@ class DiskPusher {
     fire.dt_max = 0.5;
     fire.force_tolerance = 1e-2 * options_.tolerance;
     fire.max_iterations = options_.iterations;
-    // Nearly as many pairs as hold all disks: at the edge of jamming few of them open.
-    Real most_pairs = 0.9 * D * static_cast<Real>(n);
     bool jammed = false;
     fire.done = [&, looks = std::int64_t(0)](const Real* r) mutable {
       // No force brings a disk back from beyond a wall.
       if (largest_overlap<D>(system_, r, tolerance) <= tolerance) return true;
       if (options_.looks == 0 || ++looks % options_.looks != 0) return false;
-      jammed = overlapping_pairs(system_, r, options_.tolerance) > most_pairs;
-      most_pairs /= 2;
+      // Nearly as many pairs as hold all disks: at the edge of jamming few of them open.
+      constexpr Real many_pairs = 0.9 * D, half_life = 30;
+      const Real most = many_pairs * std::exp2(static_cast<Real>(options_.looks - looks) / half_life);
+      jammed = overlapping_pairs(system_, r, options_.tolerance) > most * static_cast<Real>(n);
       return jammed;
     };
     const auto all_inside = [&](const Real* r) {

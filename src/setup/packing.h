@@ -52,7 +52,7 @@ struct DiskPush {
   Real tolerance = 1e-4;            ///< as of PackingParameters
   std::int64_t iterations = 20000;  ///< largest number of FIRE iterations
   /// After each `looks` · 10 iterations the overlapping pairs are counted: disks jam if there are more than 0.9 D pairs
-  /// for each disk at the first look, and half of this limit at each later one. 0: no looks.
+  /// for each disk at the first look; this limit falls by half in 300 iterations. 0: no looks.
   std::int64_t looks = 0;
   Real margin = 0;  ///< by this part of their diameters disks are widened while they are pushed
   Real skin = 0.3;  ///< of the neighbour lists, in σ_avg
