@@ -151,7 +151,7 @@ def test_goes_on_after_signals(how, tmp_path):
     child = start("pack", output=folder, **options)
     file = folder / "ensemble.h5"
     wait_for(lambda: file.exists() and file.stat().st_size > 1e6, child)  # the first commit begins
-    time.sleep(1.5)  # the second commit has begun
+    time.sleep(1.5)  # later commits have begun
     assert child.poll() is None
     end(child, how)
     assert child.returncode == (75 if how == signal.SIGTERM else -how)
