@@ -244,9 +244,10 @@ def name_of(options):
 
 
 def test_a_sweep_with_ensembles_works_alone(tmp_path):
-    table = write_table(tmp_path / "t.csv", SMALL | {"t_end": 1000, "seeds": "1-3"})
+    options = SMALL | {"t_end": 3000, "clog_time": 3000}
+    table = write_table(tmp_path / "t.csv", options | {"seeds": "1-3"})
     alone = start(table, "--ensembles")
-    lock = tmp_path / "t/.ensembles" / name_of(SMALL | {"t_end": 1000, "seed": 1}) / "run.lock"
+    lock = tmp_path / "t/.ensembles" / name_of(options | {"seed": 1}) / "run.lock"
     wait_for(lambda: lock.exists() and "process" in lock.read_text(encoding="utf-8"), alone)
     for more in (["--ensembles"], []):
         output = sweep(table, *more, code=6)
@@ -262,7 +263,7 @@ def test_a_sweep_with_ensembles_works_alone(tmp_path):
 
 def test_rows_of_an_ensemble_end_one_after_the_other(tmp_path):
     """Each has its files, its status and its line of the output while others run, and the results of a row alone."""
-    options = SMALL | {"t_end": 100, "frame_interval": 10}
+    options = SMALL | {"t_end": 300, "frame_interval": 30}
     table = write_table(tmp_path / "t.csv", options | {"seeds": "1-12"})
     process = start(table, "--ensembles", "-j", 1)
     row = tmp_path / "t" / name_of(options | {"seed": 1})
