@@ -336,7 +336,7 @@ class Ensemble {
         take(tasks.front(), bytes ? Result::from(*std::move(bytes))
                                   : result_of(tasks.front(), ExitCode::numerical_failure, death, {}, {}));
       }
-      constexpr Real often = 0.2;  // s
+      constexpr Real often = 0.5;  // s
       if (control_.wall_seconds() - flushed_at_ > often) flush();
       show_progress(at_start);
     }
