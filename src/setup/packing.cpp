@@ -202,8 +202,6 @@ class DiskPusher {
     fire.max_iterations = options_.iterations;
     bool jammed = false;
     fire.done = [&, looks = std::int64_t(0)](const Real* r) mutable {
-      // No force brings a disk back from beyond a wall.
-      if (largest_overlap<D>(system_, r, tolerance) <= tolerance) return true;
       if (options_.looks == 0 || ++looks % options_.looks != 0) return false;
       // Nearly as many pairs as hold all disks: at the edge of jamming few of them open.
       constexpr Real many_pairs = 0.9 * D, half_life = 30;
@@ -211,12 +209,10 @@ class DiskPusher {
       jammed = overlapping_pairs(system_, r, options_.tolerance) > most * static_cast<Real>(n);
       return jammed;
     };
-    const auto all_inside = [&](const Real* r) {
-      for (Index k = 0; k < n; ++k)
-        if (!inside(k, r)) return false;
-      return true;
-    };
-    Relaxed relaxed = push_apart<D>(system_, fire, tolerance, all_inside, x, check);
+    // Disks beyond walls do not keep it from ending: no force brings them back.
+    Relaxed relaxed = push_apart<D>(
+        system_, fire, tolerance, [](const Real*) { return true; }, x, check);
+    for (Index k = 0; k < n; ++k) relaxed.done = relaxed.done && inside(k, x.data());
     if (jammed) relaxed.reason = "they jam";
     relaxed.max_overlap = std::max((1 + options_.margin) * relaxed.max_overlap - options_.margin, Real(0));
     for (Index k = 0; k < n; ++k) point<D>(centres.data(), disks.id[k]) = point<D>(x.data(), k);

@@ -48,6 +48,7 @@ Relaxed push_apart(ParticleSystem<D>& system, FireOptions options, Real toleranc
                    const std::function<bool(const Real*)>& inside, std::span<Real> x,
                    const std::function<void()>& check = nullptr);
 
+/// How disks are pushed apart.
 struct DiskPush {
   Real tolerance = 1e-4;            ///< as of PackingParameters
   std::int64_t iterations = 20000;  ///< largest number of FIRE iterations
@@ -71,9 +72,8 @@ void check_fit(const Topology& topology, const Container& container);
 
 /// Places the particles at random in the closed container, filled up to the height that gives the fraction, and relaxes
 /// them with FIRE until their outer disks do not overlap [H 2.4]. If they jam with overlaps, the lid is raised by two
-/// percent, until they fit. Polygons get their regular shape and a
-/// random orientation. Writes x [points · D]. Errors: as check_fit; NumericalError if the particles do not fit at half
-/// the fraction.
+/// percent, until they fit. Polygons get their regular shape and a random orientation. Writes x [points · D]. Errors:
+/// as check_fit; NumericalError if the particles do not fit at half the fraction.
 template <int D>
 Packing pack(const Topology& topology, const Container& container, const PackingParameters& p, Real* x);
 
