@@ -52,6 +52,8 @@ const char* phrase(Cure cure) {
       return "a smaller aspect ratio";
     case Cure::equal_sizes:
       return "more equal sizes";
+    case Cure::weaker_attraction:
+      return "a lower depletion energy";
     case Cure::less_overlap:
       return "less overlap at the start";
     case Cure::smaller_load:
@@ -81,12 +83,13 @@ const char* phrase(Cure cure) {
 }  // namespace
 
 std::string cures(std::initializer_list<Cure> several) {
-  std::vector<std::string> texts;
+  std::vector<std::string> phrases, with_options;
   for (const Cure cure : several) {
-    const std::string option = option_of ? option_of(cure) : "";
-    texts.push_back(option.empty() ? phrase(cure) : fmt::format("{} (-{})", phrase(cure), option));
+    phrases.emplace_back(phrase(cure));
+    if (const std::string option = option_of ? option_of(cure) : ""; !option.empty())
+      with_options.push_back(fmt::format("{} (-{})", phrase(cure), option));
   }
-  return alternatives(texts);
+  return alternatives(with_options.empty() ? phrases : with_options);
 }
 
 CureOptions::CureOptions(std::function<std::string(Cure)> option) { option_of = std::move(option); }

@@ -27,6 +27,7 @@ enum class Cure {
   more_vertices,
   smaller_aspect,
   equal_sizes,
+  weaker_attraction,
   less_overlap,  ///< at the start
   smaller_load,
   two_dimensions,
@@ -40,7 +41,8 @@ enum class Cure {
   other_folder
 };
 
-/// "a shorter step (-dt), stiffer contacts (-e_c) or a contact barrier": options where the running scenario has them.
+/// "a shorter step (-dt) or stiffer contacts (-e_c)": the cures for which the running scenario has options. All cures,
+/// without options, if the scenario has no option for any of them.
 std::string cures(std::initializer_list<Cure> several);
 
 /// While it lives, messages name options. One at a time in a process.

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include <pliant/base/cure.h>
 #include <pliant/base/errors.h>
 
 namespace pliant {
@@ -12,9 +13,8 @@ template <class Law>
 DropletRest rest(Real near, Real touch, Law&& law) {
   if (const Real slope = law(near).slope; !(slope < 0))
     throw InputError(
-        "droplets do not rest: at the distance {:g} the depletion attraction exceeds the contact force by {:g}; lower "
-        "the depletion energy",
-        near, slope);
+        "droplets do not rest: at the distance {:g} the depletion attraction exceeds the contact force by {:g}; use {}",
+        near, slope, cures({Cure::weaker_attraction}));
   Real low = near, high = touch;
   while (true) {
     const Real middle = low + (high - low) / 2;

@@ -43,6 +43,8 @@ std::vector<OptionCure> cures_of(Role role) {
       return {Cure::edge_contacts};
     case Role::drag:
       return {Cure::drag};
+    case Role::attraction:
+      return {Cure::weaker_attraction};
     default:
       return {};
   }

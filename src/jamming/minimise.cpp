@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
+#include <pliant/jamming/enthalpy.h>
 #include <pliant/jamming/point_packing.h>
 #include <pliant/model/polygon.h>
 #include <pliant/system/fire.h>
@@ -71,91 +73,6 @@ std::vector<Real> masses(const Topology& t, bool at_pressure) {
   return all;
 }
 
-/// Energy or enthalpy of a system as a function of its positions, in the present box, and of the logarithm of the box
-/// length over the present one, which is the last coordinate, times a factor.
-template <int D>
-class Enthalpy {
- public:
-  Enthalpy(ParticleSystem<D>& system, Real pressure) : system_(system), pressure_(pressure) {
-    const Topology& t = system.topology();
-    volume_ = system.box().volume();
-    origin_ = system.box().origin();
-    // A crowded particle has contacts whose stiffness adds up to about ω² m, ω the frequency that limits the steps.
-    // With this factor the stiffness of the box over the mass is about the same ω².
-    factor_ = std::sqrt(static_cast<Real>(t.owned_points()) / 2);
-    x_.resize(static_cast<std::size_t>(t.owned_points()) * D);
-  }
-
-  /// Positions for y [own positions, box], and the box of the system with them.
-  const std::vector<Real>& place(const Real* y) {
-    const Real log_length = y[x_.size()] / factor_, f = std::exp(log_length - log_length_);
-    if (!(std::abs(log_length) < 3))
-      throw NumericalError("the box has changed its length by a factor of {:.3g}; is the pressure right?",
-                           std::exp(log_length));
-    if (f != 1) system_.deform(Mat<D>(f * Mat<D>::Identity()));
-    log_length_ = log_length;
-    const Real scale = std::exp(log_length);
-    const Topology& t = system_.topology();
-    for (Index m = 0; m < t.owned(); ++m) {
-      const Vec<D> shift = (scale - 1) * (mean_of_points<D>(y, t, m) - origin_);
-      for (Index i = t.offset[m]; i < t.offset[m + 1]; ++i) point<D>(x_.data(), i) = point<D>(y, i) + shift;
-    }
-    return x_;
-  }
-
-  /// Energy and force at y; the energy only where it is asked for.
-  Real operator()(const Real* y, Real* f, bool with_energy) {
-    const std::vector<Real>& x = place(y);
-    StateView<D> s = system_.view(x.data(), nullptr);
-    s.ghosts_feel = s.topology.deformable() && s.neighbours.chunks() == 1;
-    Real energy = 0;
-    if (with_energy)
-      energy = system_.field().energy(s, forces(s));
-    else
-      system_.field().forces(s, forces(s));
-    const Topology& t = system_.topology();
-    on_particles_.resize(static_cast<std::size_t>(t.particles()) * D);
-    for (Index m = 0; m < t.particles(); ++m)
-      point<D>(on_particles_.data(), m) = t.points_of(m) * mean_of_points<D>(force_.data(), t, m);
-    const Real scale = std::exp(log_length_),
-               virial = s.ghosts_feel ? virial_of_centres<D>(s, on_particles_.data()) : virial_of_terms(s);
-    for (Index m = 0; m < t.owned(); ++m) {
-      const Vec<D> mean = point<D>(on_particles_.data(), m) / t.points_of(m);
-      for (Index i = t.offset[m]; i < t.offset[m + 1]; ++i)
-        point<D>(f, i) = point<D>(force_.data(), i) + (scale - 1) * mean;
-    }
-    const Real volume = volume_ * std::pow(scale, D);
-    f[x.size()] = -(virial + D * pressure_ * volume) / factor_;
-    return energy + pressure_ * volume;
-  }
-
- private:
-  /// Space for the forces on all points, zero on ghosts.
-  Real* forces(const StateView<D>& s) {
-    force_.resize(static_cast<std::size_t>(s.topology.points()) * D);
-    std::fill(force_.begin() + static_cast<std::ptrdiff_t>(x_.size()), force_.end(), 0);
-    return force_.data();
-  }
-
-  /// As virial_of_centres, without the forces on ghosts.
-  Real virial_of_terms(const StateView<D>& s) const {
-    Real virial = 0;
-    for (const TermVirial<D>& term : system_.field().virials(s)) virial += term.virial.trace();
-    const Topology& t = s.topology;
-    for (Index m = 0; m < t.owned(); ++m) {
-      const Vec<D> centre = mean_of_points<D>(s.x, t, m);
-      for (Index i = t.offset[m]; i < t.offset[m + 1]; ++i)
-        virial += point<D>(force_.data(), i).dot(s.position(i) - centre);  // shapes do not follow the box
-    }
-    return virial;
-  }
-
-  ParticleSystem<D>& system_;
-  Real pressure_, volume_ = 0, factor_ = 1, log_length_ = 0;
-  Vec<D> origin_;
-  std::vector<Real> x_, force_, on_particles_;
-};
-
 /// The result of FIRE after earlier iterations.
 FireResult after(const FireResult& earlier, FireResult result) {
   result.iterations += earlier.iterations;
@@ -163,11 +80,54 @@ FireResult after(const FireResult& earlier, FireResult result) {
   return result;
 }
 
+/// A minimisation by FIRE and by the quasi-Newton method in turn, with one limit of iterations.
+class Iterations {
+ public:
+  Iterations(const MinimiserOptions& o, FireOptions fire_options)
+      : o_(o), fire_(std::move(fire_options)), left_(fire_.max_iterations) {}
+
+  const FireResult& result() const { return result_; }
+  std::int64_t left() const { return left_ - result_.iterations; }
+
+  void fire(std::span<Real> y, const std::vector<Real>& mass, const EnergyAndForce& energy_and_force, Real tolerance,
+            std::function<void(const Real*, Real*)> force) {
+    fire_.force_tolerance = tolerance;
+    fire_.force = std::move(force);
+    fire_.max_iterations = left();
+    result_ = after(result_, pliant::fire(y, mass, energy_and_force, fire_));
+    if (result_.stop == FireStop::iterations)
+      result_.reason =
+          fmt::format("limit of {} iterations reached with largest force {:.3g}", o_.max_iterations, result_.max_force);
+  }
+  /// To the tolerance of the options. False if FIRE has to continue.
+  bool quasi_newton(std::span<Real> y, const EnergyAndForce& energy_and_force, ApproximateHessian& hessian,
+                    std::int64_t most_evaluations, Real max_move) {
+    const QuasiNewtonResult quasi =
+        pliant::quasi_newton(y, energy_and_force, hessian,
+                             {.force_tolerance = o_.force_tolerance,
+                              .max_evaluations = std::clamp<std::int64_t>(left(), 0, most_evaluations),
+                              .max_move = max_move,
+                              .stop = o_.stop});
+    result_.iterations += quasi.iterations;
+    result_.evaluations += quasi.evaluations;
+    if (quasi.converged) {
+      result_.stop = FireStop::force;
+      result_.reason = fmt::format("largest force {:.3g} within {:.3g}", quasi.max_force, o_.force_tolerance);
+    }
+    return quasi.converged || quasi.stopped;
+  }
+
+ private:
+  const MinimiserOptions& o_;
+  FireOptions fire_;
+  std::int64_t left_;
+  FireResult result_;
+};
+
 /// Minimises the energy or enthalpy of few points, in the present box or with the box.
 template <int D>
 FireResult minimise_points(ParticleSystem<D>& system, std::span<Real> x, const std::vector<Real>& mass,
                            const MinimiserOptions& o, FireOptions fire_options) {
-  const std::int64_t most_iterations = fire_options.max_iterations;
   PointPacking<D> packing(system, *o.contacts, o.pressure);
   std::vector<Real> y(x.begin(), x.end());
   if (o.pressure) y.push_back(0);
@@ -180,53 +140,59 @@ FireResult minimise_points(ParticleSystem<D>& system, std::span<Real> x, const s
     if (!o.pressure) in_valley = energy > least_energy && largest({f, y.size()}) <= part_in_valley * packing.pressure();
     return energy;
   };
-  fire_options.force = [&](const Real* at, Real* f) { packing(at, f); };
   if (!o.pressure) fire_options.done = [&](const Real*) { return (o.stop && o.stop()) || (quick && in_valley); };
-  FireResult result;
+  Iterations iterations(o, fire_options);
   const auto relax = [&](Real tolerance) {
-    fire_options.force_tolerance = tolerance;
-    fire_options.max_iterations = most_iterations - result.iterations;
-    result = after(result, fire(y, mass, energy_and_force, fire_options));
-    if (result.stop == FireStop::iterations)
-      result.reason =
-          fmt::format("limit of {} iterations reached with largest force {:.3g}", o.max_iterations, result.max_force);
+    iterations.fire(y, mass, energy_and_force, tolerance, [&](const Real* at, Real* f) { packing(at, f); });
   };
   relax(quick && o.pressure ? part_in_valley * *o.pressure : o.force_tolerance);
-  if (quick && (o.pressure ? result.stop == FireStop::force : in_valley && result.stop == FireStop::done)) {
-    const QuasiNewtonResult quasi =
-        quasi_newton(y, energy_and_force, packing,
-                     {.force_tolerance = o.force_tolerance,
-                      .max_evaluations = std::max<std::int64_t>(0, most_iterations - result.iterations),
-                      .stop = o.stop});
-    result.iterations += quasi.iterations;
-    result.evaluations += quasi.evaluations;
+  const FireStop stop = iterations.result().stop;
+  if (quick && (o.pressure ? stop == FireStop::force : in_valley && stop == FireStop::done)) {
+    const bool found =
+        iterations.quasi_newton(y, energy_and_force, packing, std::numeric_limits<std::int64_t>::max(), 0.1);
     quick = false;
-    if (quasi.converged) {
-      result.stop = FireStop::force;
-      result.reason = fmt::format("largest force {:.3g} within {:.3g}", quasi.max_force, o.force_tolerance);
-    } else if (!quasi.stopped) {
-      relax(o.force_tolerance);
-    }
+    if (!found) relax(o.force_tolerance);
   }
   if (o.pressure) system.deform(Mat<D>(packing.scale(y.data()) * Mat<D>::Identity()));
   packing.place(y.data(), x.data());
-  return result;
+  return iterations.result();
 }
 
 /// Minimises the enthalpy over positions and box.
 template <int D>
-FireResult minimise_with_box(ParticleSystem<D>& system, std::span<Real> x, const std::vector<Real>& mass, Real pressure,
-                             bool only_energies, FireOptions fire_options) {
-  Enthalpy<D> enthalpy(system, pressure);
-  std::vector<Real> y(x.begin(), x.end());
-  y.push_back(0);
-  // FIRE stops by the force here. Where the model has dissipative terms, too, the energy comes with the forces of the
-  // energy terms alone.
-  const auto evaluate = [&](const Real* at, Real* f) { return enthalpy(at, f, !only_energies); };
-  if (only_energies) fire_options.force = evaluate;
-  FireResult result = fire(y, mass, evaluate, fire_options);
-  std::ranges::copy(enthalpy.place(y.data()), x.begin());
-  return result;
+FireResult minimise_with_box(ParticleSystem<D>& system, std::span<Real> x, const std::vector<Real>& mass,
+                             bool only_energies, const MinimiserOptions& o, const FireOptions& fire_options) {
+  // Later than with points the quasi-Newton method is faster, because polygons still rearrange.
+  constexpr Real part_in_valley = 0.003;
+  const bool quick = Enthalpy<D>::suits(system) && o.force_tolerance < part_in_valley * *o.pressure;
+  Iterations iterations(o, fire_options);
+  const auto from_here = [&](auto&& minimise) {
+    Enthalpy<D> enthalpy(system, *o.pressure);
+    std::vector<Real> y(x.begin(), x.end());
+    y.push_back(0);
+    minimise(enthalpy, y);
+    std::ranges::copy(enthalpy.place(y.data()), x.begin());
+  };
+  const auto relax = [&](Real tolerance) {
+    from_here([&](Enthalpy<D>& enthalpy, std::vector<Real>& y) {
+      // FIRE stops by the force here. Where the model has dissipative terms, too, the energy comes with the forces of
+      // the energy terms alone.
+      const auto evaluate = [&](const Real* at, Real* f) { return enthalpy(at, f, !only_energies); };
+      iterations.fire(y, mass, evaluate, tolerance,
+                      only_energies ? evaluate : std::function<void(const Real*, Real*)>());
+    });
+  };
+  relax(quick ? part_in_valley * *o.pressure : o.force_tolerance);
+  if (!quick || iterations.result().stop != FireStop::force) return iterations.result();
+  bool found = false;
+  from_here([&](Enthalpy<D>& enthalpy, std::vector<Real>& y) {
+    // Longer steps could carry a vertex through an edge.
+    const Real max_move = 0.1 * *std::ranges::min_element(system.topology().diameter);
+    found = iterations.quasi_newton(
+        y, [&](const Real* at, Real* f) { return enthalpy(at, f, true); }, enthalpy, 50000, max_move);
+  });
+  if (!found) relax(o.force_tolerance);
+  return iterations.result();
 }
 
 /// Minimises the energy in the present box, at the time t of walls that move.
@@ -304,7 +270,7 @@ Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const Minimise
   if (!o.pressure) fire_options.energy_tolerance = o.energy_per_particle * t.owned();
   const auto once = [&] {
     if (o.contacts && PointPacking<D>::suits(system)) return minimise_points<D>(system, x, mass, o, fire_options);
-    return o.pressure ? minimise_with_box<D>(system, x, mass, *o.pressure, only_energies, fire_options)
+    return o.pressure ? minimise_with_box<D>(system, x, mass, only_energies, o, fire_options)
                       : minimise_in_box<D>(system, x, mass, o.t, only_energies, fire_options);
   };
   FireResult result = once();
@@ -317,10 +283,16 @@ Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const Minimise
     minimum = measure_at<D>(system, x, o.t);
     if (result.iterations > iterations || minimum.max_force <= o.force_tolerance) continue;
     result.converged = false;
-    result.reason = fmt::format("rounding errors keep the largest force at {:.3g}, above the tolerance {:.3g}",
-                                minimum.max_force, o.force_tolerance);
+    minimum.rounded = true;
     break;
   }
+  // A place is rounded in proportion to its coordinates, a force in proportion to its stiffness.
+  if (result.stop == FireStop::iterations &&
+      minimum.max_force <= 4 * std::numeric_limits<Real>::epsilon() * stiffness * largest(x))
+    minimum.rounded = true;
+  if (minimum.rounded)
+    result.reason = fmt::format("rounding errors keep the largest force at {:.3g}, above the tolerance {:.3g}",
+                                minimum.max_force, o.force_tolerance);
   minimum.converged = result.converged;
   minimum.apart =
       result.stop == FireStop::energy || (!o.pressure && std::abs(minimum.energy) <= o.energy_per_particle * t.owned());

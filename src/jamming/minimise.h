@@ -40,8 +40,9 @@ struct MinimiserOptions {
 template <int D>
 struct Minimum {
   bool converged = false;
-  bool apart = false;  ///< it ended because the particles do not touch
-  std::string reason;  ///< why the minimisation ended
+  bool apart = false;    ///< it ended because the particles do not touch
+  bool rounded = false;  ///< rounding errors keep forces above the tolerance
+  std::string reason;    ///< why the minimisation ended
   std::int64_t iterations = 0, evaluations = 0;
   Real energy = 0;           ///< U, in ε
   Real max_force = 0;        ///< largest component of a force on a point, in ε/σ_avg

@@ -1,4 +1,5 @@
 #include <pliant/jamming/modes.h>
+#include <pliant/jamming/stiffness_factors.h>
 
 #include <slepceps.h>
 
@@ -178,6 +179,15 @@ Modes modes(ParticleSystem<D>& system, std::span<const Real> x, const ModesOptio
 }
 
 template <int D>
+bool is_stable(ParticleSystem<D>& system, std::span<const Real> x) {
+  const ModesOptions options;
+  Stiffness<D> h(system, x);
+  if (h.size() == 0) return false;
+  h.scale(row_scales<D>(system.topology(), h.points(), options.mass));
+  return StiffnessFactors<D>(h).factorise(options.zero_threshold * h.bound());
+}
+
+template <int D>
 std::vector<Real> mode_displacements(const ParticleSystem<D>& system, const Modes& modes, Index k) {
   const Topology& topology = system.topology();
   const Eigen::VectorXd rows = row_scales<D>(topology, modes.points, modes.mass).cwiseProduct(modes.vectors.col(k));
@@ -226,6 +236,8 @@ std::vector<PackingEnergy> energies_along(ParticleSystem<D>& system, std::span<c
 
 template Modes modes(ParticleSystem<2>&, std::span<const Real>, const ModesOptions&);
 template Modes modes(ParticleSystem<3>&, std::span<const Real>, const ModesOptions&);
+template bool is_stable(ParticleSystem<2>&, std::span<const Real>);
+template bool is_stable(ParticleSystem<3>&, std::span<const Real>);
 template std::vector<Real> mode_displacements(const ParticleSystem<2>&, const Modes&, Index);
 template std::vector<Real> mode_displacements(const ParticleSystem<3>&, const Modes&, Index);
 template std::vector<PackingEnergy> energies_along(ParticleSystem<2>&, std::span<const Real>, std::span<const Real>,

@@ -43,11 +43,16 @@ struct Modes {
 
 /// Modes of the active particles at x [size of the system]. All modes, or some of a small packing, by a dense matrix.
 /// The lowest modes of a large packing by the Krylov–Schur method of SLEPc, with the inverse of the matrix shifted to
-/// below its lowest eigenvalue, by a Cholesky factorisation (MUMPS if PETSc has it). Errors: as for Stiffness;
+/// below its lowest eigenvalue, by a Cholesky factorisation (MUMPS if PETSc has it). Errors: as for Stiffness.
 /// InputError for a number of modes that is negative, and for all modes of more than 20000 coordinates, whose matrix is
-/// too large; NumericalError if SLEPc does not converge.
+/// too large. NumericalError if SLEPc does not converge.
 template <int D>
 Modes modes(ParticleSystem<D>& system, std::span<const Real> x, const ModesOptions& options = {});
+
+/// Whether there is no unstable mode, found by a Cholesky factorisation, which costs less than modes. Errors: as for
+/// Stiffness.
+template <int D>
+bool is_stable(ParticleSystem<D>& system, std::span<const Real> x);
 
 /// Displacements [own points · D] of mode k, with the largest displacement of a point 1.
 template <int D>

@@ -1,7 +1,7 @@
 #include <pliant/jamming/backbone.h>
-#include <pliant/jamming/block_cholesky.h>
 #include <pliant/jamming/minimise.h>
 #include <pliant/jamming/moduli.h>
+#include <pliant/jamming/stiffness_factors.h>
 
 #include <algorithm>
 #include <array>
@@ -18,22 +18,8 @@ template <int D>
 class SemidefiniteSolver {
  public:
   /// Errors: NumericalError if H has an eigenvalue below −shift.
-  SemidefiniteSolver(const Stiffness<D>& h, Real shift) : h_(h.matrix()) {
-    const Index n = h.size() / D;
-    std::vector<std::array<Index, 2>> places;
-    h.for_each_block([&](Index i, Index j, const Mat<D>&) {
-      if (j < i) places.push_back({i, j});
-    });
-    order_ = order_with_few_blocks(n, places);
-    std::vector<Mat<D>> diagonal(static_cast<std::size_t>(n));
-    std::vector<typename BlockCholesky<D>::Entry> below;
-    below.reserve(places.size());
-    h.for_each_block([&](Index i, Index j, const Mat<D>& block) {
-      const Index row = order_[i], column = order_[j];
-      if (row == column) diagonal[row] = block + shift * Mat<D>::Identity();
-      if (row > column) below.push_back({row, column, block});
-    });
-    if (!factors_.factorise(diagonal, below, {}, 0))
+  SemidefiniteSolver(const Stiffness<D>& h, Real shift) : h_(h.matrix()), factors_(h) {
+    if (!factors_.factorise(shift))
       throw NumericalError(
           "the packing is unstable: eigenvalues of its Hessian are below {:.3g}; minimise its energy further", -shift);
   }
@@ -58,21 +44,13 @@ class SemidefiniteSolver {
   }
 
  private:
-  Eigen::VectorXd precondition(const Eigen::VectorXd& r) {
-    ordered_.resize(static_cast<std::size_t>(r.size()));
-    for (std::size_t i = 0; i < order_.size(); ++i)
-      point<D>(ordered_.data(), order_[i]) = point<D>(r.data(), static_cast<Index>(i));
-    factors_.solve(ordered_.data());
-    Eigen::VectorXd z(r.size());
-    for (std::size_t i = 0; i < order_.size(); ++i)
-      point<D>(z.data(), static_cast<Index>(i)) = point<D>(ordered_.data(), order_[i]);
-    return z;
+  Eigen::VectorXd precondition(Eigen::VectorXd r) {
+    factors_.solve(r);
+    return r;
   }
 
   Eigen::Map<const typename Stiffness<D>::Csr> h_;
-  std::vector<Index> order_;  ///< place of each block in the factors
-  BlockCholesky<D> factors_;
-  std::vector<Real> ordered_;
+  StiffnessFactors<D> factors_;
 };
 
 /// Indices of the components of a symmetric tensor in Voigt's order.

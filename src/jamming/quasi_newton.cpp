@@ -89,10 +89,10 @@ QuasiNewtonResult quasi_newton(std::span<Real> x_in, const EnergyAndForce& energ
     for (int trial = 0; slope < 0 && !found && trial < most_trials; ++trial) {
       next = x + part * d;
       const Real next_energy = evaluate(next.data(), next_g), next_slope = next_g.dot(d);
-      // Near the minimum the energy changes by less than its rounding errors, the slope does not.
-      found = next != x &&
-              (next_energy <= energy + 1e-4 * part * slope ||
-               (std::abs(next_slope) < 0.5 * std::abs(slope) && next_energy <= energy + 1e-12 * std::abs(energy)));
+      // Near the minimum the energy changes by less than its rounding errors, the slope does not. It may even stay the
+      // same, up to a contact that the step would close.
+      found = next != x && (next_energy <= energy + 1e-4 * part * slope ||
+                            (next_slope < 0.5 * std::abs(slope) && next_energy <= energy + 1e-12 * std::abs(energy)));
       if (found)
         energy = next_energy;
       else

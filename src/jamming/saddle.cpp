@@ -11,9 +11,12 @@ namespace pliant {
 template <int D>
 bool leave_saddle(ParticleSystem<D>& system, std::span<Real> x, std::span<const Index> rattlers) {
   constexpr Real part_of_diameter = 0.01;
+  constexpr Index most_points_by_factors = 20000;
   std::vector<Real> displacements;
   {
     const Backbone<D> backbone(system, rattlers);
+    // The factors of a large matrix need more memory than those of SLEPc.
+    if (system.topology().owned_points() <= most_points_by_factors && is_stable<D>(system, x)) return false;
     const Modes lowest = modes<D>(system, x, {.lowest = 1});
     if (lowest.unstable == 0) return false;
     displacements = mode_displacements(system, lowest, 0);

@@ -248,7 +248,7 @@ void check_fit(const Topology& topology, const Container& container) {
   for (Index m = 0; m < topology.particles(); ++m)
     if (const Real width = 2 * outer_radius(topology, m); width >= container.inflow_width())
       throw InputError("particle {} is {:.3g} sigma_avg wide, the container only {:.3g} at its upper end; use {}", m,
-                       width, container.inflow_width(), cures({Cure::wider_container}));
+                       width, container.inflow_width(), cures({Cure::wider_container, Cure::own_outline}));
 }
 
 template <int D>

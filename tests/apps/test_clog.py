@@ -136,7 +136,7 @@ def test_an_end_before_the_outcome_is_neither(tmp_path):
     ({"clog_speed": 0.2}, "-clog_speed 0.2: a single droplet falls only at g/b = 0.1"),
     ({"hopper_angle": 90}, "hopper_angle"),
     ({"fill_fraction": 0.6}, "fill_fraction"),
-    ({"phi_c": 1}, "lower the depletion energy"),
+    ({"phi_c": 1}, "use a lower depletion energy (-phi_c)"),
     ({"hopper_wdith": 3}, "did you mean"),
 ])
 def test_bad_input(options, message, tmp_path):

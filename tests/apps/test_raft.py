@@ -140,7 +140,7 @@ def test_count_of_rows_and_end(tmp_path):
     ({"n": 5}, "-n 5: a hexagonal raft of 2 rows and 2 columns has 4 droplets, or 3"),
     ({"v_wall": 0}, "v_wall"),
     ({"end_distance": 9}, "apart at the start"),
-    ({"phi_c": 1, "end_distance": 1}, "lower the depletion energy"),
+    ({"phi_c": 1, "end_distance": 1}, "use a lower depletion energy (-phi_c)"),
     ({"integrator": "verlet"}, "integrator"),
     ({"ts_type": "verlet"}, "motion with inertia"),
     ({"mobility_ksp_typo": 1}, "mobility_ksp_typo"),

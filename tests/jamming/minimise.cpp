@@ -4,6 +4,7 @@
 
 #include <limits>
 
+#include <pliant/jamming/enthalpy.h>
 #include <pliant/jamming/point_packing.h>
 #include <pliant/model/polygon.h>
 #include <pliant/setup/particles.h>
@@ -214,6 +215,45 @@ TEST_CASE("a few points have the energy and the forces of their system, and thei
   check(std::integral_constant<int, 2>(), 40, 0.95);
   check(std::integral_constant<int, 2>(), 4, 0.9);  // several images of a point
   check(std::integral_constant<int, 3>(), 40, 0.75);
+}
+
+TEST_CASE("the Hessian of the enthalpy of polygons is the change of their forces, also by the box") {
+  for (const ModelKind kind : {ModelKind::rough, ModelKind::smooth}) {
+    INFO(to_string(kind));
+    RandomCell<2> cell(kind, 3, 3, 0.6);
+    auto system = cell.system(kind);
+    REQUIRE(Enthalpy<2>::suits(system));
+    std::vector<Real> x = cell.x;
+    MinimiserOptions o;
+    o.pressure = 1;
+    o.force_tolerance = 1e-10;
+    const Minimum<2> m = minimise<2>(system, x, o);
+    REQUIRE(m.converged);
+    Enthalpy<2> enthalpy(system, *o.pressure);
+    std::vector<Real> y = x;
+    y.push_back(0);
+    REQUIRE(enthalpy.factorise(y.data()));
+    // Moves on which no contact opens or closes.
+    constexpr Real h = 1e-8;
+    const auto n = static_cast<Eigen::Index>(y.size());
+    for (const bool box_alone : {false, true}) {
+      Random random(3);
+      Eigen::VectorXd direction(n), forward(n), back(n);
+      for (Real& a : direction) a = box_alone ? 0 : random(-1, 1);
+      direction[n - 1] = 1;
+      const auto force = [&](Real by, Eigen::VectorXd& f) {
+        std::vector<Real> z = y;
+        for (std::size_t k = 0; k < z.size(); ++k) z[k] += by * direction[static_cast<Eigen::Index>(k)];
+        enthalpy(z.data(), f.data(), true);
+      };
+      force(h, forward);
+      force(-h, back);
+      const Eigen::VectorXd by_hessian = (back - forward) / (2 * h);
+      Eigen::VectorXd solved = by_hessian;
+      enthalpy.solve(solved);
+      CHECK(solved.dot(by_hessian) == Approx(direction.dot(by_hessian)).epsilon(1e-5));
+    }
+  }
 }
 
 TEST_CASE("L-BFGS gives up where a step is less than the rounding errors") {

@@ -20,7 +20,8 @@ TEST_CASE("cures name the options that the running scenario has") {
   {
     const CureOptions while_it_runs([&](Cure cure) { return options.curing(cure); });
     CHECK(cures({Cure::shorter_step, Cure::stiffer_contacts, Cure::drag}) ==
-          "a shorter step (-dt), stiffer contacts (-stiffness) or drag");
+          "a shorter step (-dt) or stiffer contacts (-stiffness)");
+    CHECK(cures({Cure::drag, Cure::edge_contacts}) == "drag or contacts with edges");
     CHECK(cures({Cure::stiffer_walls, Cure::ts}) == "stiffer walls (-stiffness) or PETSc TS (-integrator ts)");
   }
   CHECK(cures({Cure::stiffer_contacts}) == "stiffer contacts");
