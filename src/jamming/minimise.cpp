@@ -286,10 +286,10 @@ Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const Minimise
     minimum.rounded = true;
     break;
   }
-  // A place is rounded in proportion to its coordinates, a force in proportion to its stiffness.
-  if (result.stop == FireStop::iterations &&
-      minimum.max_force <= 4 * std::numeric_limits<Real>::epsilon() * stiffness * largest(x))
-    minimum.rounded = true;
+  // Coordinates are rounded in proportion to their size, and a force by this error times the stiffness.
+  const Real rounding =
+      std::numeric_limits<Real>::epsilon() * stiffness * *std::ranges::min_element(t.point_mass) * largest(x);
+  if (result.stop == FireStop::iterations && minimum.max_force <= rounding) minimum.rounded = true;
   if (minimum.rounded)
     result.reason = fmt::format("rounding errors keep the largest force at {:.3g}, above the tolerance {:.3g}",
                                 minimum.max_force, o.force_tolerance);
