@@ -11,8 +11,11 @@ namespace pliant {
 
 template <int D>
 bool Enthalpy<D>::suits(const ParticleSystem<D>& system) {
-  constexpr Index most = D == 2 ? 20000 : 0;
+  // The area couples all vertices of a polygon: with many the factors cost too much.
+  constexpr Index most = D == 2 ? 20000 : 0, most_in_one = 100;
   const Topology& t = system.topology();
+  for (Index m = 0; m < t.owned(); ++m)
+    if (t.points_of(m) > most_in_one) return false;
   return t.deformable() && t.owned_points() <= most && !system.ranks().several() &&
          std::all_of(t.active.begin(), t.active.begin() + t.owned(), [](auto active) { return active != 0; });
 }

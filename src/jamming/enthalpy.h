@@ -16,8 +16,8 @@ namespace pliant {
 template <int D>
 class Enthalpy final : public ApproximateHessian {
  public:
-  /// Whether a system is of deformable particles and so small that factors of its Hessian cost less than the iterations
-  /// of FIRE that they save.
+  /// Whether a system is of deformable particles, and particles and system are so small that factors of the Hessian
+  /// cost less than the iterations of FIRE that they save.
   static bool suits(const ParticleSystem<D>& system);
 
   Enthalpy(ParticleSystem<D>& system, Real pressure);

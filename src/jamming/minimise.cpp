@@ -289,7 +289,8 @@ Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const Minimise
   // Coordinates are rounded in proportion to their size, and a force by this error times the stiffness.
   const Real rounding =
       std::numeric_limits<Real>::epsilon() * stiffness * *std::ranges::min_element(t.point_mass) * largest(x);
-  if (result.stop == FireStop::iterations && minimum.max_force <= rounding) minimum.rounded = true;
+  if (result.stop == FireStop::iterations && minimum.max_force > o.force_tolerance && minimum.max_force <= rounding)
+    minimum.rounded = true;
   if (minimum.rounded)
     result.reason = fmt::format("rounding errors keep the largest force at {:.3g}, above the tolerance {:.3g}",
                                 minimum.max_force, o.force_tolerance);

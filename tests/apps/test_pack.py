@@ -135,6 +135,12 @@ def test_a_tolerance_below_rounding_errors_ends(options, tmp_path):
     assert "raise -force_tolerance" in result.stderr and "-max_iterations" not in result.stderr
 
 
+def test_few_iterations_are_no_rounding_error(tmp_path):
+    """Before the box has changed the forces on points are rounding errors, within the tolerance."""
+    result = pliant("pack", output=tmp_path / "run", model="rough", n=12, pressure=1e-3, max_iterations=3)
+    assert result.returncode == 3 and "limit of 3 iterations" in result.stderr and "-max_iterations" in result.stderr
+
+
 @pytest.mark.parametrize("options", [
     {"shape_parameter": 1.16, "seed": 3, "pressure": 1e-5, "moduli": "yes"},
     {"n": 64, "shape_parameter": 1.08, "k_b": 0.01, "seed": 12, "pressure": 1e-3, "moduli": "yes"},
