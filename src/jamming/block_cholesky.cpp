@@ -150,6 +150,17 @@ void BlockCholesky<D>::solve(Real* b) const {
   }
 }
 
+template <int D>
+void BlockCholesky<D>::solve(std::span<const Index> order, Eigen::VectorXd& b) {
+  ordered_.assign(b.data(), b.data() + b.size());  // with the number of the last row
+  for (std::size_t i = 0; i < order.size(); ++i)
+    point<D>(ordered_.data(), order[i]) = point<D>(b.data(), static_cast<Index>(i));
+  solve(ordered_.data());
+  b[b.size() - 1] = ordered_.back();
+  for (std::size_t i = 0; i < order.size(); ++i)
+    point<D>(b.data(), static_cast<Index>(i)) = point<D>(ordered_.data(), order[i]);
+}
+
 template class BlockCholesky<2>;
 template class BlockCholesky<3>;
 

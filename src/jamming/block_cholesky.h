@@ -1,6 +1,7 @@
 // Cholesky factors of a sparse matrix of small blocks, with one more row and column.
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <span>
 #include <vector>
@@ -33,6 +34,8 @@ class BlockCholesky {
                  Real corner);
   /// b [n · D, then one more if there is a last row] becomes A⁻¹ b.
   void solve(Real* b) const;
+  /// The same for numbers in another order: row i of the caller is row order[i] of the factors.
+  void solve(std::span<const Index> order, Eigen::VectorXd& b);
 
  private:
   void find_structure(Index n, std::span<const Entry> below);
@@ -45,6 +48,7 @@ class BlockCholesky {
   /// Entries of A by columns, and blocks of L by rows: first of each, and places in the order of the columns.
   std::vector<Index> first_entry_, entry_, first_in_row_, column_in_row_, place_in_row_;
   std::vector<Mat<D>> work_;
+  std::vector<Real> ordered_;
 };
 
 extern template class BlockCholesky<2>;

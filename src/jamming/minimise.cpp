@@ -84,10 +84,9 @@ FireResult after(const FireResult& earlier, FireResult result) {
 class Iterations {
  public:
   Iterations(const MinimiserOptions& o, FireOptions fire_options)
-      : o_(o), fire_(std::move(fire_options)), left_(fire_.max_iterations) {}
+      : o_(o), fire_(std::move(fire_options)), most_(fire_.max_iterations) {}
 
   const FireResult& result() const { return result_; }
-  std::int64_t left() const { return left_ - result_.iterations; }
 
   void fire(std::span<Real> y, const std::vector<Real>& mass, const EnergyAndForce& energy_and_force, Real tolerance,
             std::function<void(const Real*, Real*)> force) {
@@ -118,9 +117,11 @@ class Iterations {
   }
 
  private:
+  std::int64_t left() const { return most_ - result_.iterations; }
+
   const MinimiserOptions& o_;
   FireOptions fire_;
-  std::int64_t left_;
+  std::int64_t most_;
   FireResult result_;
 };
 

@@ -163,17 +163,6 @@ void PointPacking<D>::find_order() {
 }
 
 template <int D>
-void PointPacking<D>::solve(Eigen::VectorXd& b) {
-  ordered_.resize(static_cast<std::size_t>(b.size()));
-  const auto n = static_cast<Index>(order_.size());
-  for (Index i = 0; i < n; ++i) point<D>(ordered_.data(), order_[i]) = b.segment<D>(i * D);
-  if (pressure_) ordered_[numbers_] = b[n * D];
-  factors_.solve(ordered_.data());
-  for (Index i = 0; i < n; ++i) b.segment<D>(i * D) = point<D>(ordered_.data(), order_[i]);
-  if (pressure_) b[n * D] = ordered_[numbers_];
-}
-
-template <int D>
 bool PointPacking<D>::factorise(const Real* y) {
   constexpr Real floor = 1e-3;
   const Real s = scale(y), smaller = 1 - mean_overlap();

@@ -38,7 +38,7 @@ class PointPacking final : public ApproximateHessian {
   /// Without pre-stress, and so without negative eigenvalues, plus a small number, and in a box that is smaller by the
   /// mean overlap: pairs that will soon touch have a stiffness, too, without which steps would be too long.
   bool factorise(const Real* y) override;
-  void solve(Eigen::VectorXd& b) override;
+  void solve(Eigen::VectorXd& b) override { factors_.solve(order_, b); }
 
  private:
   struct Pair {
@@ -69,7 +69,6 @@ class PointPacking final : public ApproximateHessian {
   std::vector<typename BlockCholesky<D>::Entry> entries_;
   std::vector<Mat<D>> own_;
   std::vector<Vec<D>> by_box_;
-  std::vector<Real> ordered_;
 };
 
 extern template class PointPacking<2>;

@@ -15,7 +15,7 @@ bool leave_saddle(ParticleSystem<D>& system, std::span<Real> x, std::span<const 
   std::vector<Real> displacements;
   {
     const Backbone<D> backbone(system, rattlers);
-    // The factors of a large matrix need more memory than those of SLEPc.
+    // For a large system the factors of is_stable() could need too much memory; modes() orders the matrix differently.
     if (system.topology().owned_points() <= most_points_by_factors && is_stable<D>(system, x)) return false;
     const Modes lowest = modes<D>(system, x, {.lowest = 1});
     if (lowest.unstable == 0) return false;

@@ -29,17 +29,6 @@ bool StiffnessFactors<D>::factorise(Real shift, const Eigen::VectorXd& last, Rea
   return factors_.factorise(diagonal, below_, row, corner + shift);
 }
 
-template <int D>
-void StiffnessFactors<D>::solve(Eigen::VectorXd& b) {
-  ordered_.assign(b.data(), b.data() + b.size());  // with the number of the last row
-  for (std::size_t i = 0; i < order_.size(); ++i)
-    point<D>(ordered_.data(), order_[i]) = point<D>(b.data(), static_cast<Index>(i));
-  factors_.solve(ordered_.data());
-  b[b.size() - 1] = ordered_.back();
-  for (std::size_t i = 0; i < order_.size(); ++i)
-    point<D>(b.data(), static_cast<Index>(i)) = point<D>(ordered_.data(), order_[i]);
-}
-
 template class StiffnessFactors<2>;
 template class StiffnessFactors<3>;
 

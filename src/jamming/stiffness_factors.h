@@ -19,14 +19,13 @@ class StiffnessFactors {
   /// matrix is not positive definite.
   bool factorise(Real shift, const Eigen::VectorXd& last = {}, Real corner = 0);
   /// b [h.size(), then one more if there is a last row] becomes the solution.
-  void solve(Eigen::VectorXd& b);
+  void solve(Eigen::VectorXd& b) { factors_.solve(order_, b); }
 
  private:
   std::vector<Index> order_;  ///< place of each block in the factors, which have few blocks then
   std::vector<Mat<D>> diagonal_;
   std::vector<typename BlockCholesky<D>::Entry> below_;
   BlockCholesky<D> factors_;
-  std::vector<Real> ordered_;
 };
 
 extern template class StiffnessFactors<2>;

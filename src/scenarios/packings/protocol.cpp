@@ -208,14 +208,13 @@ bool PackingProtocol<D>::run_minimiser(const MinimiserOptions& options, Real coa
       minimum_.iterations += iterations;
     }
     if (!minimum_.converged)
-      throw NumericalError(
-          "packing {} has not converged: {}; raise {}", this->state().step + 1, minimum_.reason,
-          minimum_.rounded ? "-force_tolerance"
-          : creeps
-              ? fmt::format("-max_iterations or -force_tolerance, give the polygons bending stiffness ({}, now 0), "
-                            "or make steps smaller",
-                            p_.model.option(Role::bending))
-              : "-max_iterations or -force_tolerance, or make steps smaller");
+      throw NumericalError("packing {} has not converged: {}; raise {}", this->state().step + 1, minimum_.reason,
+                           minimum_.rounded
+                               ? "-force_tolerance"
+                               : fmt::format("-max_iterations or -force_tolerance{}, or make steps smaller",
+                                             creeps ? fmt::format(", give the polygons bending stiffness ({}, now 0)",
+                                                                  p_.model.option(Role::bending))
+                                                    : ""));
     find_network();
     if (coarse || minimum_.apart) return !coarse;
     // Particles that push each other though nothing holds them are at a saddle point, for example chains in a crystal.
