@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from conftest import (SMALL, Results, assert_same_runs, end, hopper, killed_with, pliant, same, start,
                       stopped_until_done, wait_for)
+from test_kills import promised
 
 # Each run is short, but long enough to be interrupted several times.
 POLYGONS = {"n": 20, "hopper_wall_distance": 6, "hopper_width": 2.5, "frame_interval": 0.1, "sample_interval": 0.02}
@@ -71,7 +72,10 @@ def test_killed_and_restarted(kind, tmp_path):
     code, _, _ = end(child, signal.SIGKILL)
     assert code == -signal.SIGKILL
 
-    killed = Results(tmp_path / "parts")  # reads every dataset of every frame
+    # A kill within a commit leaves its journal, which a restart applies and HDF5 does not know.
+    (tmp_path / "killed").mkdir()
+    (tmp_path / "killed/run.h5").write_bytes(promised((tmp_path / "parts/run.h5").read_bytes())[0])
+    killed = Results(tmp_path / "killed")  # reads every dataset of every frame
     assert len(killed.frames) > 1
     t_end = killed.frames[-1]["time"] + 2 * options["frame_interval"]
     whole = hopper(tmp_path / "whole", **{**options, "t_end": t_end})
@@ -171,8 +175,15 @@ def test_a_frame_is_readable_while_the_run_goes_on(tmp_path, monkeypatch):
     try:
         xdmf = tmp_path / "run/run.xdmf"
         wait_for(lambda: xdmf.exists() and "000000" in xdmf.read_text(encoding="utf-8"), child)
-        with h5py.File(tmp_path / "run/run.h5", locking=False) as file:
-            assert "positions" in file["frames/000000"]
+
+        def has_positions():
+            try:
+                with h5py.File(tmp_path / "run/run.h5", locking=False) as file:
+                    return "positions" in file["frames/000000"]
+            except (OSError, KeyError, RuntimeError):  # during a commit
+                return False
+
+        wait_for(has_positions, child)
     finally:
         code, _, _ = end(child)
     assert code == 75
