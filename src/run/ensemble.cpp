@@ -23,9 +23,11 @@
 #include <utility>
 
 #include <pliant/base/console.h>
+#include <pliant/base/version.h>
 #include <pliant/io/atomic_file.h>
 #include <pliant/io/ensemble_file.h>
 #include <pliant/io/folder_lock.h>
+#include <pliant/io/message_log.h>
 #include <pliant/io/summary.h>
 #include <pliant/run/folder.h>
 #include <pliant/run/run_control.h>
@@ -97,6 +99,12 @@ Json description(const std::string& scenario, const RunOptions& p, const Options
           {"option", varied.option}, {"values", varied.values},          {"options", std::move(values)}};
 }
 
+/// Of logged results: this program, and an ensemble with these settings and any number of members.
+std::string owner_of(Json description) {
+  description.erase("members_of_a_value");
+  return description.dump() + build_info().build();
+}
+
 /// Errors: InputError where the folder holds an ensemble with other settings.
 void check_same(const Json& stored, const Json& wanted, const std::string& folder) {
   const auto refuse = [&](const std::string& name, const Json& there, const Json& here) {
@@ -110,33 +118,41 @@ void check_same(const Json& stored, const Json& wanted, const std::string& folde
     if (there.value(name, Json()) != value) refuse("-" + name, there.value(name, Json()), value);
 }
 
-/// The outcome of a member, as a worker sends it.
-struct Result {
-  ExitCode code = ExitCode::done;
-  std::string message;
-  Json kept;            ///< the part of the summary from which means and tables are made
-  std::string summary;  ///< JSON text
-  std::string objects;  ///< a message with the content of run.h5 (io/recording.h)
-
-  /// The objects, which are the largest part, are not copied.
-  std::string bytes() && {
+/// The outcome of a member.
+class Result {
+ public:
+  /// As a worker sends it. kept: the part of the summary from which means and tables are made. summary: JSON text.
+  /// objects: a message with the content of run.h5 (io/recording.h), which is the largest part, and is not copied.
+  static std::string bytes(ExitCode code, const std::string& message, const Json& kept, const std::string& summary,
+                           std::string&& objects) {
     const std::array<std::uint64_t, 2> sizes{objects.size(), summary.size()};
     return std::move(objects)
         .append(summary)
         .append(Json{{"code", static_cast<int>(code)}, {"message", message}, {"kept", kept}}.dump())
         .append(reinterpret_cast<const char*>(sizes.data()), sizeof sizes);
   }
-  static Result from(std::string&& bytes) {
-    std::array<std::uint64_t, 2> sizes{};
-    const std::size_t end = bytes.size() - sizeof sizes;
-    std::memcpy(sizes.data(), bytes.data() + end, sizeof sizes);
-    const auto [objects, summary] = sizes;
-    Json head = Json::parse(std::string_view(bytes).substr(0, end).substr(objects + summary));
-    Result result{static_cast<ExitCode>(head["code"].get<int>()), head["message"], std::move(head["kept"]),
-                  bytes.substr(objects, summary), std::move(bytes)};
-    result.objects.resize(objects);
-    return result;
+  explicit Result(std::string&& bytes) : bytes_(std::move(bytes)) {
+    const std::size_t end = bytes_.size() - sizeof sizes_;
+    std::memcpy(sizes_.data(), bytes_.data() + end, sizeof sizes_);
+    Json rest = Json::parse(std::string_view(bytes_).substr(0, end).substr(sizes_[0] + sizes_[1]));
+    code = static_cast<ExitCode>(rest["code"].get<int>());
+    message = rest["message"];
+    kept = std::move(rest["kept"]);
   }
+
+  /// Whether the same run would end so again.
+  bool has_ended() const { return code == ExitCode::done || code == ExitCode::numerical_failure; }
+  std::string_view bytes() const { return bytes_; }
+  std::string_view objects() const { return bytes().substr(0, sizes_[0]); }
+  std::string summary() const { return bytes_.substr(sizes_[0], sizes_[1]); }
+
+  ExitCode code = ExitCode::done;
+  std::string message;
+  Json kept;
+
+ private:
+  std::string bytes_;
+  std::array<std::uint64_t, 2> sizes_{};
 };
 
 /// Collects the warnings of a member, and drops its remarks.
@@ -196,6 +212,7 @@ class Ensemble {
         run_(run),
         varied_(varied_option(p, options)),
         description_(description(scenario, p, options, varied_)),
+        log_(std::filesystem::path(p.output) / "ensemble.log", owner_of(description_)),
         control_(0, p.max_wall_time, ranks, p.progress_interval),
         workers_(p.ensemble_workers > 0 ? p.ensemble_workers : omp_get_num_procs()),
         count_(p.ensemble * static_cast<Index>(std::max<std::size_t>(varied_.values.size(), 1))) {}
@@ -245,11 +262,15 @@ class Ensemble {
                        p_.output, former, p_.ensemble);
     for (StoredMember& member : file_->members()) done_.emplace(member.number, std::move(member.summary));
     if (former != p_.ensemble) file_->describe(description_);
+    for (MessageLog::Message& message : log_.messages())
+      if (const auto member = static_cast<Index>(message.number); !done_.contains(member))
+        store(member, Result(std::move(message.bytes)));
+    flush();
   }
 
-  /// warnings: the texts of its warnings.
-  Result result_of(Index member, ExitCode code, const std::string& message, const std::vector<std::string>& warnings,
-                   MemberOutput&& output) const {
+  /// The bytes of a Result. warnings: the texts of its warnings.
+  std::string result_of(Index member, ExitCode code, const std::string& message,
+                        const std::vector<std::string>& warnings, MemberOutput&& output) const {
     Json summary = std::move(output.summary);
     if (!summary.is_object()) summary = {{"status", "failed"}, {"message", message}};
     summary["seed"] = seed_of(member);
@@ -261,7 +282,7 @@ class Ensemble {
     for (const char* name : {"status", "message", "results", "warnings"})
       if (summary.contains(name)) kept[name] = summary[name];
     for (const std::string& name : output.results) kept[name] = summary[name];
-    return {code, message, std::move(kept), summary.dump(), std::move(output.objects)};
+    return Result::bytes(code, message, kept, summary.dump(), std::move(output.objects));
   }
 
   /// The bytes of a Result, in a worker.
@@ -279,7 +300,7 @@ class Ensemble {
       code = error.code();
       message = error.what();
     }
-    return result_of(member, code, message, quiet.warnings, std::move(output)).bytes();
+    return result_of(member, code, message, quiet.warnings, std::move(output));
   }
 
   /// Returns whether it was stopped.
@@ -333,8 +354,8 @@ class Ensemble {
         }
         supply(workers[k]);  // the worker computes while this process writes
         if (workers[k].tasks().empty()) workers.erase(workers.begin() + static_cast<std::ptrdiff_t>(k));
-        take(tasks.front(), bytes ? Result::from(*std::move(bytes))
-                                  : result_of(tasks.front(), ExitCode::numerical_failure, death, {}, {}));
+        take(tasks.front(),
+             Result(bytes ? *std::move(bytes) : result_of(tasks.front(), ExitCode::numerical_failure, death, {}, {})));
       }
       constexpr Real often = 0.5;  // s
       if (control_.wall_seconds() - flushed_at_ > often) flush();
@@ -348,12 +369,17 @@ class Ensemble {
     // A run that was stopped by a signal to all processes is not done.
     if (result.code == ExitCode::stopped) return;
     // Bad input of one member ends the ensemble, and so do a full disk or memory, which the user can mend.
-    if (result.code != ExitCode::done && result.code != ExitCode::numerical_failure) {
+    if (!result.has_ended()) {
       flush();
       throw Error(result.code, fmt::format("{}: {}", name_of(member), result.message));
     }
     if (!file_) file_.emplace(EnsembleFile::create(p_.output, description_));
-    file_->add(member, result.summary, result.objects);
+    log_.add(member, result.bytes());
+    store(member, std::move(result));
+  }
+
+  void store(Index member, Result&& result) {
+    file_->add(member, result.summary(), result.objects());
     done_.emplace(member, std::move(result.kept));
     unflushed_ = true;
   }
@@ -361,6 +387,7 @@ class Ensemble {
   void flush() {
     flushed_at_ = control_.wall_seconds();
     if (std::exchange(unflushed_, false)) file_->flush();
+    log_.clear();
   }
 
   void show_progress(std::size_t at_start) {
@@ -374,6 +401,7 @@ class Ensemble {
 
   ExitCode finish(bool stopped) {
     if (file_) file_->close();
+    log_.remove();
     if (stopped) {
       say("stopped with {} of {} runs done; run the same command again to resume\n", done_.size(), count_);
       return ExitCode::stopped;
@@ -481,6 +509,7 @@ class Ensemble {
   const RunMember& run_;
   Varied varied_;
   Json description_;
+  MessageLog log_;
   RunControl control_;
   Index workers_, count_;
   std::optional<EnsembleFile> file_;

@@ -22,6 +22,7 @@ constexpr std::int64_t nanoseconds_of_one_request = 2'000'000'000;
 // A signal handler can reach nothing but static storage.
 std::atomic<std::int64_t> requested_at = 0;  // 0: not at all
 std::atomic<int> first_signal = 0;
+int stop_signals = 0;  ///< objects
 static_assert(std::atomic<std::int64_t>::is_always_lock_free && std::atomic<int>::is_always_lock_free);
 
 thread_local RunMonitor* monitor = nullptr;
@@ -45,6 +46,11 @@ void on_signal(int signal) {
   std::raise(signal);
 }
 
+void forget_request() {
+  requested_at = 0;
+  first_signal = 0;
+}
+
 Real process_cpu_seconds() { return 1e-9 * static_cast<Real>(nanoseconds(CLOCK_PROCESS_CPUTIME_ID)); }
 
 }  // namespace
@@ -60,8 +66,7 @@ void InheritedSignals::restore() const {
 }
 
 StopSignals::StopSignals() {
-  requested_at = 0;
-  first_signal = 0;
+  if (stop_signals++ == 0) forget_request();
   struct sigaction ask {};
   ask.sa_handler = on_signal;
   ask.sa_flags = SA_RESTART;
@@ -72,8 +77,10 @@ StopSignals::StopSignals() {
 }
 
 StopSignals::~StopSignals() {
+  const bool inner = --stop_signals > 0;
   // A second signal right after the first must not change how a stopped program ends.
-  if (requested()) return;
+  if (!inner && requested()) return;
+  if (inner) forget_request();
   for (std::size_t k = 0; k < signals.size(); ++k) sigaction(signals[k], &before_[k], nullptr);
 }
 

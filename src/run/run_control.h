@@ -29,7 +29,8 @@ class InheritedSignals {
 /// From construction to destruction SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1 and SIGXCPU request a stop instead of
 /// killing the run; another signal more than two seconds after the first kills (not SIGXCPU). After destruction this
 /// remains so if a signal has come. Ignored signals stay ignored: SIGHUP under nohup, SIGINT in the background of a
-/// script.
+/// script. Within the life of another object, as in a process that makes runs of an ensemble, a request that came
+/// before counts, and the request ends with the inner object.
 class StopSignals {
  public:
   StopSignals();

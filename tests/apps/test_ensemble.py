@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import struct
 import subprocess
 import time
 
@@ -165,6 +166,34 @@ def test_goes_on_after_signals(how, tmp_path):
     assert list(table.member) == list(range(1000)) and (table.status == "done").all()
 
 
+def logged(folder):
+    """Numbers of the runs in the log: size, number and checksum before each."""
+    data, at, numbers = (folder / "ensemble.log").read_bytes(), 0, []
+    while len(data) >= at + 24:
+        size, number = struct.unpack_from("<Qq", data, at)
+        at += 24 + size
+        if at <= len(data):
+            numbers.append(number)
+    return numbers
+
+
+def test_a_kill_loses_only_runs_in_progress(tmp_path):
+    options = {**SMALL, "n": 60, "pressure": 1e-5, "ensemble": 300, "ensemble_workers": 2}
+    folder, log = tmp_path / "run", tmp_path / "run/ensemble.log"
+    assert pliant("pack", output=tmp_path / "whole", **options).returncode == 0
+    child = start("pack", output=folder, **options)
+    wait_for(lambda: log.exists() and log.stat().st_size > 1e6, child)
+    end(child, signal.SIGKILL)
+    kept = logged(folder)
+    assert len(kept) > 5
+    result = pliant("pack", output=folder, **{**options, "max_wall_time": 1e-3})
+    assert result.returncode == 75 and not log.exists()
+    with h5py.File(folder / "ensemble.h5") as file:
+        assert set(kept) <= {int(name) for name in file["members"]}
+    assert pliant("pack", output=folder, **options).returncode == 0
+    assert (folder / "members.csv").read_bytes() == (tmp_path / "whole/members.csv").read_bytes()
+
+
 def test_failed_members_are_counted(tmp_path):
     folder = tmp_path / "run"
     result = pliant("pack", output=folder, ensemble=6, n=20, pressure=1e-6, max_iterations=260)
@@ -189,7 +218,7 @@ def test_a_dead_worker_makes_one_run_fail(tmp_path):
 
 
 def test_a_worker_that_is_stopped_leaves_its_run_to_the_next_command(tmp_path):
-    options = {"ensemble": 2, "ensemble_workers": 1, "n": 200, "t_end": 20, "mu": 1}
+    options = {"ensemble": 2, "ensemble_workers": 1, "n": 200, "t_end": 200, "mu": 1}
     child = start("hopper", output=tmp_path / "run", **options)
     workers = lambda: subprocess.run(["pgrep", "-P", str(child.pid)], capture_output=True, encoding="utf-8").stdout.split()  # noqa: E731
     wait_for(workers, child)

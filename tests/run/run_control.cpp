@@ -69,6 +69,24 @@ TEST_CASE("a signal asks, another one kills once it is no echo of the first", "[
   }
 }
 
+TEST_CASE("a signal between the runs of a process stops the next of them alone", "[signals]") {
+  CHECK(end_of([] {
+          const StopSignals of_process;
+          std::raise(SIGTERM);
+          {
+            const StopSignals of_run;
+            if (!StopSignals::requested() || StopSignals::signal() != SIGTERM) _exit(1);
+          }
+          {
+            const StopSignals of_next_run;
+            if (StopSignals::requested()) _exit(2);
+            std::raise(SIGTERM);
+            if (!StopSignals::requested()) _exit(3);
+          }
+          if (StopSignals::requested()) _exit(4);
+        }) == survived);
+}
+
 TEST_CASE("signals after a run", "[signals]") {
   CHECK(end_of([] {
           { const StopSignals signals; }

@@ -1,0 +1,43 @@
+// Messages that outlive their process, until another file holds what they say.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace pliant {
+
+/// A file of messages. A kill of the process loses none of them but the one that is being written. A loss of power may
+/// lose all, because messages are not synced. Errors of all functions: OutputError where the file cannot be written,
+/// InputError where it cannot be read.
+class MessageLog {
+ public:
+  /// owner: a text; messages that were written for another one are not found.
+  MessageLog(std::filesystem::path path, std::string_view owner);
+  MessageLog(MessageLog&& other) noexcept;
+  MessageLog& operator=(MessageLog&&) = delete;
+  ~MessageLog();
+
+  struct Message {
+    std::int64_t number;
+    std::string bytes;
+  };
+  /// The messages of an earlier process, in their order, without a last one that is cut short.
+  std::vector<Message> messages() const;
+  void add(std::int64_t number, std::string_view bytes);
+  /// Drops all messages.
+  void clear();
+  /// Removes the file; the next message begins a new one.
+  void remove();
+
+ private:
+  void open();
+
+  std::filesystem::path path_;
+  std::uint32_t owner_;  ///< checksum
+  int file_ = -1;
+};
+
+}  // namespace pliant
