@@ -17,9 +17,10 @@ import pytest
 for _name, _value in {"OMPI_MCA_pml": "ob1", "OMPI_MCA_btl": "self,vader"}.items():
     os.environ.setdefault(_name, _value)
 
-# A shell that starts the tests in the background ignores SIGINT, which their programs would inherit.
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+# A shell that starts the tests in the background ignores these signals, and the programs would inherit this.
+for _signal, _handler in {signal.SIGINT: signal.default_int_handler, signal.SIGQUIT: signal.SIG_DFL}.items():
+    if signal.getsignal(_signal) is signal.SIG_IGN:
+        signal.signal(_signal, _handler)
 
 PROGRAM = os.environ.get("PLIANT_PROGRAM", "pliant")
 # Seconds after which a process counts as hanging, also on a busy machine.
