@@ -15,7 +15,7 @@ from pathlib import Path
 
 from cpp_source import texts, without_comments
 
-PETSC = re.compile(r"(ts|snes|ksp|pc|mat|vec|log|sub|npc|mg|mobility_ksp|mobility_pc)_\w*$")
+PETSC = re.compile(r"(ts|snes|ksp|pc|mat|vec|log|tao|sub|npc|mg|mobility_ksp|mobility_pc)_\w*$")
 COMMAND_LINE = {"dt", "t_end", "seed", "help", "help_markdown", "help_json", "h", "version", "scenarios", "options_file", "option", "name", "no_signal_handler",
                 "m"}  # of python3, for runs of the Python module
 OPTION = re.compile(r"(?:(?<=[\s(/\"])|(?<=\{0\} )|^)-([a-z][a-z_0-9]*)(?![\w-])")

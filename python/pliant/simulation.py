@@ -788,7 +788,7 @@ class Simulation(_Fixed):
     def minimize(self, force_tolerance: float = 1e-8, max_iterations: int = 100000, pressure: float | None = None,
                  must_converge: bool = True) -> Minimum:
         """Moves the particles to a minimum of the energy, at rest, until no component of a force is larger than
-        force_tolerance: by FIRE; polygons at a `pressure` near the minimum by L-BFGS. Drag and friction, which have no energy,
+        force_tolerance: by FIRE; polygons in a periodic box near the minimum by L-BFGS. Drag and friction, which have no energy,
         are left out. Refuses a force function, which has no energy, either.
 
         pressure: the box, which must be periodic in all directions and without walls, grows or shrinks without change of shape

@@ -5,8 +5,10 @@
 #include <limits>
 #include <vector>
 
-#include <pliant/jamming/enthalpy.h>
 #include <pliant/jamming/point_packing.h>
+#include <pliant/jamming/potential.h>
+#include <pliant/jamming/quasi_newton.h>
+#include <pliant/jamming/trust_region.h>
 #include <pliant/model/polygon.h>
 #include <pliant/system/fire.h>
 #include <pliant/system/stress.h>
@@ -80,7 +82,7 @@ FireResult after(const FireResult& earlier, FireResult result) {
   return result;
 }
 
-/// A minimisation by FIRE and by the quasi-Newton method in turn, with one limit of iterations.
+/// A minimisation by FIRE and by a method with a Hessian in turn, with one limit of iterations.
 class Iterations {
  public:
   Iterations(const MinimiserOptions& o, FireOptions fire_options)
@@ -88,32 +90,35 @@ class Iterations {
 
   const FireResult& result() const { return result_; }
 
+  /// done: see FireOptions, besides the stop function.
   void fire(std::span<Real> y, const std::vector<Real>& mass, const EnergyAndForce& energy_and_force, Real tolerance,
-            std::function<void(const Real*, Real*)> force) {
+            std::function<void(const Real*, Real*)> force, const std::function<bool(const Real*)>& done = nullptr) {
     fire_.force_tolerance = tolerance;
     fire_.force = std::move(force);
+    fire_.done = [&](const Real* at) { return (o_.stop && o_.stop()) || (done && done(at)); };
     fire_.max_iterations = left();
     result_ = after(result_, pliant::fire(y, mass, energy_and_force, fire_));
     if (result_.stop == FireStop::iterations)
       result_.reason =
           fmt::format("limit of {} iterations reached with largest force {:.3g}", o_.max_iterations, result_.max_force);
   }
-  /// To the tolerance of the options. False if FIRE has to continue.
-  bool quasi_newton(std::span<Real> y, const EnergyAndForce& energy_and_force, ApproximateHessian& hessian,
-                    std::int64_t most_evaluations, Real max_move) {
-    const QuasiNewtonResult quasi =
-        pliant::quasi_newton(y, energy_and_force, hessian,
-                             {.force_tolerance = o_.force_tolerance,
-                              .max_evaluations = std::clamp<std::int64_t>(left(), 0, most_evaluations),
-                              .max_move = max_move,
-                              .stop = o_.stop});
-    result_.iterations += quasi.iterations;
-    result_.evaluations += quasi.evaluations;
-    if (quasi.converged) {
+  /// By quasi_newton() or trust_region(), to the tolerance of the options. False if FIRE has to continue.
+  template <class Hessian>
+  bool descend(DescentResult (&method)(std::span<Real>, const EnergyAndForce&, Hessian&, const DescentOptions&),
+               std::span<Real> y, const EnergyAndForce& energy_and_force, Hessian& hessian,
+               std::int64_t most_evaluations, Real max_move) {
+    const DescentResult found = method(y, energy_and_force, hessian,
+                                       {.force_tolerance = o_.force_tolerance,
+                                        .max_evaluations = std::clamp<std::int64_t>(left(), 0, most_evaluations),
+                                        .max_move = max_move,
+                                        .stop = o_.stop});
+    result_.iterations += found.iterations;
+    result_.evaluations += found.evaluations;
+    if (found.converged) {
       result_.stop = FireStop::force;
-      result_.reason = fmt::format("largest force {:.3g} within {:.3g}", quasi.max_force, o_.force_tolerance);
+      result_.reason = fmt::format("largest force {:.3g} within {:.3g}", found.max_force, o_.force_tolerance);
     }
-    return quasi.converged || quasi.stopped;
+    return found.converged || found.stopped;
   }
 
  private:
@@ -125,81 +130,95 @@ class Iterations {
   FireResult result_;
 };
 
+/// Particles with less energy may come apart, which FIRE notices.
+template <int D>
+Real least_energy(const ParticleSystem<D>& system) {
+  return 1e-14 * system.topology().owned();
+}
+
+/// From a place in the valley of the minimum, with the exact Hessian. False if FIRE has to continue.
+template <int D>
+bool descend_with_hessian(ParticleSystem<D>& system, std::span<Real> x, const MinimiserOptions& o,
+                          Iterations& iterations) {
+  constexpr std::int64_t most_evaluations = 50000;
+  Potential<D> potential(system, o.pressure);
+  std::vector<Real> y(x.begin(), x.end());
+  if (o.pressure) y.push_back(0);
+  const auto energy_and_force = [&](const Real* at, Real* f) { return potential(at, f, true); };
+  // Longer steps could carry a vertex through an edge.
+  const Real max_move = 0.1 * *std::ranges::min_element(system.topology().diameter);
+  const bool found =
+      o.minimiser == Minimiser::newton
+          ? iterations.descend<ExactHessian>(trust_region, y, energy_and_force, potential, most_evaluations, max_move)
+          : iterations.descend<ApproximateHessian>(quasi_newton, y, energy_and_force, potential, most_evaluations,
+                                                   max_move);
+  std::ranges::copy(potential.place(y.data()), x.begin());
+  return found;
+}
+
 /// Minimises the energy or enthalpy of few points, in the present box or with the box.
 template <int D>
-FireResult minimise_points(ParticleSystem<D>& system, std::span<Real> x, const std::vector<Real>& mass,
-                           const MinimiserOptions& o, FireOptions fire_options) {
+void minimise_points(ParticleSystem<D>& system, std::span<Real> x, const std::vector<Real>& mass,
+                     const MinimiserOptions& o, Iterations& iterations, bool alone = false) {
   PointPacking<D> packing(system, *o.contacts, o.pressure);
   std::vector<Real> y(x.begin(), x.end());
   if (o.pressure) y.push_back(0);
-  // FIRE finds the valley of the minimum, in which the quasi-Newton method is faster.
+  // FIRE finds the valley of the minimum, in which the other methods are faster.
   constexpr Real part_in_valley = 0.1;
-  bool quick = !o.pressure || o.force_tolerance < part_in_valley * *o.pressure, in_valley = false;
-  const Real least_energy = 1e-14 * system.topology().owned();  // with less the particles may come apart
+  const bool quick = !alone && (!o.pressure || o.force_tolerance < part_in_valley * *o.pressure);
+  bool in_valley = false;
   const EnergyAndForce energy_and_force = [&](const Real* at, Real* f) {
     const Real energy = packing(at, f);
-    if (!o.pressure) in_valley = energy > least_energy && largest({f, y.size()}) <= part_in_valley * packing.pressure();
+    if (!o.pressure)
+      in_valley = energy > least_energy(system) && largest({f, y.size()}) <= part_in_valley * packing.pressure();
     return energy;
   };
-  if (!o.pressure) fire_options.done = [&](const Real*) { return (o.stop && o.stop()) || (quick && in_valley); };
-  Iterations iterations(o, fire_options);
-  const auto relax = [&](Real tolerance) {
-    iterations.fire(y, mass, energy_and_force, tolerance, [&](const Real* at, Real* f) { packing(at, f); });
+  const auto relax = [&](Real tolerance, const std::function<bool(const Real*)>& done = nullptr) {
+    iterations.fire(
+        y, mass, energy_and_force, tolerance, [&](const Real* at, Real* f) { packing(at, f); }, done);
   };
-  relax(quick && o.pressure ? part_in_valley * *o.pressure : o.force_tolerance);
+  if (quick && o.pressure)
+    relax(part_in_valley * *o.pressure);
+  else if (quick)
+    relax(o.force_tolerance, [&](const Real*) { return in_valley; });
+  else
+    relax(o.force_tolerance);
   const FireStop stop = iterations.result().stop;
-  if (quick && (o.pressure ? stop == FireStop::force : in_valley && stop == FireStop::done)) {
-    const bool found =
-        iterations.quasi_newton(y, energy_and_force, packing, std::numeric_limits<std::int64_t>::max(), 0.1);
-    quick = false;
-    if (!found) relax(o.force_tolerance);
-  }
+  const bool descends = quick && (o.pressure ? stop == FireStop::force : in_valley && stop == FireStop::done);
+  if (descends && o.minimiser == Minimiser::lbfgs &&
+      !iterations.descend<ApproximateHessian>(quasi_newton, y, energy_and_force, packing,
+                                              std::numeric_limits<std::int64_t>::max(), 0.1))
+    relax(o.force_tolerance);
   if (o.pressure) system.deform(Mat<D>(packing.scale(y.data()) * Mat<D>::Identity()));
   packing.place(y.data(), x.data());
-  return iterations.result();
+  if (descends && o.minimiser == Minimiser::newton && !descend_with_hessian<D>(system, x, o, iterations))
+    minimise_points<D>(system, x, mass, o, iterations, true);
 }
 
-/// Minimises the enthalpy over positions and box.
+/// Minimises the enthalpy over positions and box. quick: near the minimum with the exact Hessian.
 template <int D>
-FireResult minimise_with_box(ParticleSystem<D>& system, std::span<Real> x, const std::vector<Real>& mass,
-                             bool only_energies, const MinimiserOptions& o, const FireOptions& fire_options) {
-  // Later than with points the quasi-Newton method is faster, because polygons still rearrange.
-  constexpr Real part_in_valley = 0.003;
-  const bool quick = Enthalpy<D>::suits(system) && o.force_tolerance < part_in_valley * *o.pressure;
-  Iterations iterations(o, fire_options);
-  const auto from_here = [&](auto&& minimise) {
-    Enthalpy<D> enthalpy(system, *o.pressure);
+void minimise_with_box(ParticleSystem<D>& system, std::span<Real> x, const std::vector<Real>& mass, bool only_energies,
+                       const MinimiserOptions& o, Iterations& iterations, Real part_in_valley) {
+  const bool quick = o.force_tolerance < part_in_valley * *o.pressure;
+  const auto relax = [&](Real tolerance) {
+    Potential<D> potential(system, o.pressure);
     std::vector<Real> y(x.begin(), x.end());
     y.push_back(0);
-    minimise(enthalpy, y);
-    std::ranges::copy(enthalpy.place(y.data()), x.begin());
-  };
-  const auto relax = [&](Real tolerance) {
-    from_here([&](Enthalpy<D>& enthalpy, std::vector<Real>& y) {
-      // FIRE stops by the force here. Where the model has dissipative terms, too, the energy comes with the forces of
-      // the energy terms alone.
-      const auto evaluate = [&](const Real* at, Real* f) { return enthalpy(at, f, !only_energies); };
-      iterations.fire(y, mass, evaluate, tolerance,
-                      only_energies ? evaluate : std::function<void(const Real*, Real*)>());
-    });
+    // FIRE stops by the force here. Where the model has dissipative terms, too, the energy comes with the forces of the
+    // energy terms alone.
+    const auto evaluate = [&](const Real* at, Real* f) { return potential(at, f, !only_energies); };
+    iterations.fire(y, mass, evaluate, tolerance, only_energies ? evaluate : std::function<void(const Real*, Real*)>());
+    std::ranges::copy(potential.place(y.data()), x.begin());
   };
   relax(quick ? part_in_valley * *o.pressure : o.force_tolerance);
-  if (!quick || iterations.result().stop != FireStop::force) return iterations.result();
-  bool found = false;
-  from_here([&](Enthalpy<D>& enthalpy, std::vector<Real>& y) {
-    // Longer steps could carry a vertex through an edge.
-    const Real max_move = 0.1 * *std::ranges::min_element(system.topology().diameter);
-    found = iterations.quasi_newton(
-        y, [&](const Real* at, Real* f) { return enthalpy(at, f, true); }, enthalpy, 50000, max_move);
-  });
-  if (!found) relax(o.force_tolerance);
-  return iterations.result();
+  if (quick && iterations.result().stop == FireStop::force && !descend_with_hessian<D>(system, x, o, iterations))
+    relax(o.force_tolerance);
 }
 
-/// Minimises the energy in the present box, at the time t of walls that move.
+/// Minimises the energy in the present box, at the time of walls that move.
 template <int D>
-FireResult minimise_in_box(ParticleSystem<D>& system, std::span<Real> x, const std::vector<Real>& mass, Real t,
-                           bool only_energies, FireOptions fire_options) {
+void minimise_in_box(ParticleSystem<D>& system, std::span<Real> x, const std::vector<Real>& mass, bool only_energies,
+                     const MinimiserOptions& o, Iterations& iterations, Real part_in_valley) {
   std::vector<Real> force;
   const auto room = [&](const StateView<D>& s) {
     force.resize(static_cast<std::size_t>(s.topology.points()) * (D + rotations<D>));
@@ -210,23 +229,49 @@ FireResult minimise_in_box(ParticleSystem<D>& system, std::span<Real> x, const s
   const std::vector<Real> rest = velocities_at_rest(system);
   const auto view_at = [&](const Real* at) {
     if (n < all.size()) std::copy_n(at, n, all.begin());
-    return system.view(n < all.size() ? all.data() : at, rest.empty() ? nullptr : rest.data(), t);
+    return system.view(n < all.size() ? all.data() : at, rest.empty() ? nullptr : rest.data(), o.t);
   };
+  Real energy = 0;
+  const auto energy_and_force = [&](const Real* at, Real* f) {
+    const StateView<D> s = view_at(at);
+    energy = system.field().energy(s, room(s));
+    std::copy_n(force.begin(), n, f);
+    return energy;
+  };
+  std::function<void(const Real*, Real*)> force_alone;
   if (only_energies)
-    fire_options.force = [&](const Real* at, Real* f) {
+    force_alone = [&](const Real* at, Real* f) {
       const StateView<D> s = view_at(at);
       system.field().forces(s, room(s));
       std::copy_n(force.begin(), n, f);
     };
-  return fire(
-      x.first(n), mass,
-      [&](const Real* at, Real* f) {
-        const StateView<D> s = view_at(at);
-        const Real energy = system.field().energy(s, room(s));
-        std::copy_n(force.begin(), n, f);
-        return energy;
-      },
-      fire_options);
+  // The pressure takes as long as an evaluation, and is computed where the largest force has fallen by half.
+  Real tested = std::numeric_limits<Real>::infinity();
+  bool in_valley = false;
+  const auto valley = [&](const Real* at) {
+    const Real most = largest({force.data(), n});
+    if (!(most < tested / 2) || energy < least_energy(system)) return false;
+    tested = most;
+    in_valley = most <= part_in_valley * stress_of(system, at).pressure();
+    return in_valley;
+  };
+  const auto relax = [&](const std::function<bool(const Real*)>& done) {
+    iterations.fire(x.first(n), mass, energy_and_force, o.force_tolerance, force_alone, done);
+  };
+  relax(part_in_valley > 0 ? valley : std::function<bool(const Real*)>());
+  if (in_valley && !descend_with_hessian<D>(system, x, o, iterations)) relax(nullptr);
+}
+
+/// The part of the pressure below which the largest force shows that FIRE has found the valley of the minimum; 0 if
+/// FIRE has to find the minimum.
+template <int D>
+Real part_in_valley(const ParticleSystem<D>& system, const MinimiserOptions& o) {
+  constexpr Real of_points = 0.1, of_polygons = 0.003;  // polygons still rearrange
+  const bool descends = o.minimiser == Minimiser::newton  ? Potential<D>::suits(system)
+                        : o.minimiser == Minimiser::lbfgs ? Potential<D>::quick(system)
+                                                          : false;
+  if (!descends || without_stress(system)) return 0;
+  return system.topology().deformable() ? of_polygons : of_points;
 }
 
 }  // namespace
@@ -266,13 +311,17 @@ Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const Minimise
   fire_options.force_tolerance = o.force_tolerance;
   fire_options.max_iterations = o.max_iterations;
   fire_options.max_move = 0.1;
-  if (o.stop) fire_options.done = [&](const Real*) { return o.stop(); };
   const std::vector<Real> mass = masses(t, o.pressure.has_value());
   if (!o.pressure) fire_options.energy_tolerance = o.energy_per_particle * t.owned();
   const auto once = [&] {
-    if (o.contacts && PointPacking<D>::suits(system)) return minimise_points<D>(system, x, mass, o, fire_options);
-    return o.pressure ? minimise_with_box<D>(system, x, mass, only_energies, o, fire_options)
-                      : minimise_in_box<D>(system, x, mass, o.t, only_energies, fire_options);
+    Iterations iterations(o, fire_options);
+    if (o.contacts && PointPacking<D>::suits(system))
+      minimise_points<D>(system, x, mass, o, iterations, o.minimiser == Minimiser::fire);
+    else if (o.pressure)
+      minimise_with_box<D>(system, x, mass, only_energies, o, iterations, part_in_valley(system, o));
+    else
+      minimise_in_box<D>(system, x, mass, only_energies, o, iterations, part_in_valley(system, o));
+    return iterations.result();
   };
   FireResult result = once();
   Minimum<D> minimum = measure_at<D>(system, x, o.t);

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include <pliant/jamming/block_cholesky.h>
-#include <pliant/jamming/quasi_newton.h>
+#include <pliant/jamming/descent.h>
 #include <pliant/kernels/pair_forces.h>
 #include <pliant/system/particle_system.h>
 

@@ -50,14 +50,14 @@ class Curvatures {
 
 }  // namespace
 
-QuasiNewtonResult quasi_newton(std::span<Real> x_in, const EnergyAndForce& energy_and_force,
-                               ApproximateHessian& hessian, const QuasiNewtonOptions& o) {
+DescentResult quasi_newton(std::span<Real> x_in, const EnergyAndForce& energy_and_force, ApproximateHessian& hessian,
+                           const DescentOptions& o) {
   constexpr int renewal = 20, most_trials = 20;
   const auto n = static_cast<Eigen::Index>(x_in.size());
   Eigen::Map<Eigen::VectorXd> x(x_in.data(), n);
   Eigen::VectorXd g(n), d(n), next(n), next_g(n);
   Curvatures curvatures(n);
-  QuasiNewtonResult result;
+  DescentResult result;
   const auto evaluate = [&](const Real* at, Eigen::VectorXd& gradient) {
     ++result.evaluations;
     const Real energy = energy_and_force(at, gradient.data());

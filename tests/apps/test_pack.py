@@ -151,6 +151,35 @@ def test_minima_of_polygons_take_few_evaluations(options, tmp_path):
     assert s["pressure"] == pytest.approx(options["pressure"]) and s["force_evaluations"] < 200_000
 
 
+@pytest.mark.parametrize("options", [
+    {"pressure": 1e-3}, {"dim": 3, "pressure": 1e-2, "n": 24, "seed": 3}, {"path": "quench", "fraction": 0.95},
+    {"model": "rough", "n": 6, "n_vertices": 10, "pressure": 1e-2}, {"model": "bubble", "pressure": 1e-2}])
+def test_minimisers_find_the_same_packing(options, tmp_path):
+    options = {"n": 32, "moduli": "yes", **options}
+    runs = {name: pack(tmp_path / name, minimiser=name, **options).summary for name in ("lbfgs", "newton", "fire")}
+    for name, s in runs.items():
+        assert s["max_force"] <= 1e-12, name
+        for value in ("energy", "pressure", "bulk_modulus", "shear_modulus"):
+            assert s[value] == pytest.approx(runs["fire"][value], rel=1e-5), (name, value)
+    assert runs["newton"]["force_evaluations"] < runs["fire"]["force_evaluations"]
+
+
+def test_newton_reads_the_options_of_tao_and_restarts_keep_the_minimiser(tmp_path):
+    shows = pliant("pack", "-tao_converged_reason", "-tao_bnk_ksp_converged_reason", output=tmp_path / "run", n=16,
+                   pressure=1e-3, minimiser="newton", tao_type="bntr")
+    assert shows.returncode == 0, shows.stderr
+    assert "CONVERGED_USER" in shows.stdout and "Linear tao_bnk_ solve converged" in shows.stdout
+    again = pliant("pack", restart=tmp_path / "run", pressure=1e-4, minimiser="lbfgs")
+    assert again.returncode == 2 and "-minimiser lbfgs: the stored run has newton" in again.stderr
+
+
+def test_polygons_in_a_fixed_box_take_few_evaluations(tmp_path):
+    """FIRE alone takes 800 000 evaluations."""
+    result = pliant("shear", output=tmp_path / "run", model="smooth", n=8, n_vertices=12, strain=0.01, strain_step=2e-3)
+    assert result.returncode == 0, result.stderr
+    assert Results(tmp_path / "run").summary["force_evaluations"] < 300_000
+
+
 def test_polygons(tmp_path):
     s = pack(tmp_path / "run", n=6, model="rough", n_vertices=10, pressure=1e-2, start_pressure=1e-2).summary
     assert s["pressure"] == pytest.approx(1e-2, rel=1e-4) and s["rim_fraction"] > s["fraction"] > 0.4
@@ -374,6 +403,11 @@ def test_threads_change_nothing(tmp_path):
     ({"path": "compress", "fraction": 0.95}, "there is nothing to compress"), ({"ensemble_workers": 2}, "give -ensemble"),
     ({"fraction_step": 1e-3}, "-path decompress, which does not read it"),
     ({"mu": 0.1}, "unknown option -mu"), ({"modes": 65}, "-modes 65"), ({"mode_amplitude": 0.1}, "-modes 0"),
+    ({"tao_type": "ntr"}, "with -minimiser newton"), ({"minimiser": "cg"}, "-minimiser cg"),
+    ({"minimiser": "newton", "tao_type": "ntl"}, "-tao_type ntl"),
+    ({"minimiser": "newton", "tao_ntr_ksp_type": "gltr"}, "-tao_ntr_ksp_type gltr"),
+    ({"minimiser": "newton", "tao_gatol": 1e-3}, "-tao_gatol"), ({"minimiser": "newton", "tao_blub": 1}, "-tao_blub"),
+    ({"minimiser": "newton", "n": 20001}, "20001 points"),
     ({"max_iterations": 3}, "has not converged")])
 def test_refusals(options, message, tmp_path):
     result = pliant("pack", output=tmp_path / "run", **{"n": 32, **options})

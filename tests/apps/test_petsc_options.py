@@ -9,7 +9,7 @@ from conftest import PROGRAM, subprocess
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [*(ROOT / "docs").rglob("*.md"), *ROOT.glob("*.md"), ROOT / "src/ts/sundials/README.md"]
-NAMED = re.compile(r"(?<![\w-])-((?:ts|snes|ksp|pc|mat|log|mobility_ksp|mobility_pc)_[a-z0-9_]*[a-z0-9])(?![\w…])"
+NAMED = re.compile(r"(?<![\w-])-((?:ts|snes|ksp|pc|mat|log|tao|mobility_ksp|mobility_pc)_[a-z0-9_]*[a-z0-9])(?![\w…])"
                    r"(?: ([A-Za-z0-9.:-]+))?")
 # Options that the program refuses, with their reasons on the same page (test_energy, test_bad_input).
 REFUSED = {("ts_adapt_max_ignore", None), ("ts_type", "sundials")}
@@ -22,6 +22,7 @@ POLYGONS = (f"hopper -model rough -n 4 -n_vertices 8 -hopper_wall_distance 6 -ho
             f"{COMMON}")
 RAFT = "raft -rows 3 -columns 3 -t_end 2 -sample_interval 1 -frame_interval 2"
 CLOG = "clog -n 8 -hopper_width 3 -t_end 2"
+PACKING = "pack -n 16 -pressure 1e-3 -minimiser newton"
 FIXED = "-dt 5e-4 -ts_type"
 WATCH = "-ts_monitor -ts_view -ts_converged_reason"
 SOLVER = "-snes_monitor -snes_converged_reason -snes_view -ksp_monitor -ksp_converged_reason -ksp_view -pc_type particle"
@@ -60,6 +61,8 @@ RUNS = [
     *(f"{RAFT} -mobility_ksp_type cg -mobility_pc_type {pc} -mobility_ksp_monitor -mobility_ksp_converged_reason "
       "-mobility_ksp_view -ts_rk_type 3bs -ts_rtol 1e-5 -ts_atol 1e-8" for pc in ("bjacobi", "icc")),
     f"{CLOG} -ts_monitor -log_view",
+    f"{PACKING} -tao_type ntr -tao_monitor -tao_view -tao_converged_reason -tao_ntr_pc_type icc -tao_ntr_ksp_monitor",
+    f"{PACKING} -tao_type bntr -tao_bnk_init_type constant -tao_trust0 10",
 ]
 
 SHOWS = {"-ts_view": "TS Object", "-ts_monitor": " TS dt ", "-ts_converged_reason": "TS converged due to",
@@ -67,7 +70,8 @@ SHOWS = {"-ts_view": "TS Object", "-ts_monitor": " TS dt ", "-ts_converged_reaso
          "-ksp_monitor": "KSP Residual norm", " -ksp_converged_reason": "Linear solve converged due to",
          "-mobility_ksp_converged_reason": "Linear mobility_ solve converged due to", "-mobility_ksp_view": "KSP Object",
          "-mobility_ksp_monitor": "Residual norms for mobility_ solve", "-mat_view": "Mat Object",
-         "-log_view": "Summary of Stages"}
+         "-log_view": "Summary of Stages", "-tao_monitor": "TAO,  Function value", "-tao_view": "Tao Object",
+         "-tao_converged_reason": "TAO  solve converged"}
 
 
 def named():

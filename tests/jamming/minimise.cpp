@@ -4,8 +4,10 @@
 
 #include <limits>
 
-#include <pliant/jamming/enthalpy.h>
 #include <pliant/jamming/point_packing.h>
+#include <pliant/jamming/potential.h>
+#include <pliant/jamming/quasi_newton.h>
+#include <pliant/jamming/trust_region.h>
 #include <pliant/model/polygon.h>
 #include <pliant/setup/particles.h>
 #include <pliant/system/stress.h>
@@ -222,17 +224,17 @@ TEST_CASE("the Hessian of the enthalpy of polygons is the change of their forces
     INFO(to_string(kind));
     RandomCell<2> cell(kind, 3, 3, 0.6);
     auto system = cell.system(kind);
-    REQUIRE(Enthalpy<2>::suits(system));
+    REQUIRE(Potential<2>::quick(system));
     std::vector<Real> x = cell.x;
     MinimiserOptions o;
     o.pressure = 1;
     o.force_tolerance = 1e-10;
     const Minimum<2> m = minimise<2>(system, x, o);
     REQUIRE(m.converged);
-    Enthalpy<2> enthalpy(system, *o.pressure);
+    Potential<2> potential(system, o.pressure);
     std::vector<Real> y = x;
     y.push_back(0);
-    REQUIRE(enthalpy.factorise(y.data()));
+    REQUIRE(potential.factorise(y.data()));
     // Moves on which no contact opens or closes.
     constexpr Real h = 1e-8;
     const auto n = static_cast<Eigen::Index>(y.size());
@@ -244,13 +246,13 @@ TEST_CASE("the Hessian of the enthalpy of polygons is the change of their forces
       const auto force = [&](Real by, Eigen::VectorXd& f) {
         std::vector<Real> z = y;
         for (std::size_t k = 0; k < z.size(); ++k) z[k] += by * direction[static_cast<Eigen::Index>(k)];
-        enthalpy(z.data(), f.data(), true);
+        potential(z.data(), f.data(), true);
       };
       force(h, forward);
       force(-h, back);
       const Eigen::VectorXd by_hessian = (back - forward) / (2 * h);
       Eigen::VectorXd solved = by_hessian;
-      enthalpy.solve(solved);
+      potential.solve(solved);
       CHECK(solved.dot(by_hessian) == Approx(direction.dot(by_hessian)).epsilon(1e-5));
     }
   }
@@ -266,9 +268,109 @@ TEST_CASE("L-BFGS gives up where a step is less than the rounding errors") {
     f[0] = f[1] = 1e-20;
     return Real(1);
   };
-  const QuasiNewtonResult result = quasi_newton(x, flat, unit, {.force_tolerance = 1e-30});
+  const DescentResult result = quasi_newton(x, flat, unit, {.force_tolerance = 1e-30});
   CHECK(!result.converged);
   CHECK(result.evaluations < 100);
+}
+
+TEST_CASE("the three minimisers end in the same minimum, in a box and with it") {
+  const auto check = [&]<int D>(std::integral_constant<int, D>, ModelKind kind, Index n, Real phi, Real pressure) {
+    INFO(to_string(kind) << " " << D << "D");
+    const RandomCell<D> cell(kind, n, 3, phi);
+    MinimiserOptions o;
+    o.force_tolerance = 1e-7 * pressure;
+    auto system = cell.system(kind);
+    std::vector<Real> start = cell.x;
+    o.pressure = pressure;
+    REQUIRE(minimise<D>(system, start, o).converged);
+    const Box<D> box = system.box();
+    Random random(4);
+    for (Real& a : start) a += random(-1e-3, 1e-3);
+    o.force_tolerance = 1e-10;
+    for (const bool pressed : {false, true}) {
+      o.pressure = pressed ? std::optional(pressure) : std::nullopt;
+      const auto minimum = [&](Minimiser minimiser) {
+        auto other = cell.system(kind);
+        other.set_box(box);
+        std::vector<Real> x = start;
+        o.minimiser = minimiser;
+        const Minimum<D> m = minimise<D>(other, x, o);
+        CHECK(m.converged);
+        CHECK(m.max_force <= o.force_tolerance);
+        if (!pressed) CHECK(other.box().length() == box.length());
+        return m;
+      };
+      const Minimum<D> by_fire = minimum(Minimiser::fire), newton = minimum(Minimiser::newton),
+                       lbfgs = minimum(Minimiser::lbfgs);
+      for (const Minimum<D>& m : {newton, lbfgs}) {
+        CHECK(m.energy == Approx(by_fire.energy).epsilon(1e-7));
+        CHECK(m.stress.pressure() == Approx(by_fire.stress.pressure()).epsilon(1e-7));
+      }
+      CHECK(newton.evaluations < by_fire.evaluations);
+      if (kind != ModelKind::sp) CHECK(lbfgs.evaluations < by_fire.evaluations);
+    }
+  };
+  check(std::integral_constant<int, 2>(), ModelKind::rough, 3, 0.6, 1);
+  check(std::integral_constant<int, 2>(), ModelKind::smooth, 3, 0.6, 1);
+  check(std::integral_constant<int, 2>(), ModelKind::sp, 32, 0.9, 1e-2);
+  check(std::integral_constant<int, 3>(), ModelKind::sp, 32, 0.7, 1e-2);
+}
+
+namespace {
+
+/// The energy (x² − 1)²/4 + y²/2, with a saddle point at x = 0.
+struct TwoWells final : ExactHessian {
+  std::vector<Real> at;
+  bool positive = true;
+  int most = 1000;  ///< number of evaluations that succeed
+
+  bool factorise(const Real* x) override {
+    at.assign(x, x + 2);
+    return positive;
+  }
+  void solve(Eigen::VectorXd& b) override { b[0] /= std::max(Real(0.1), 3 * at[0] * at[0] - 1); }
+  void fill(::Mat matrix) const override {
+    const PetscInt start[] = {0, 1, 2}, column[] = {0, 1};
+    const Real values[] = {3 * at[0] * at[0] - 1, 1};
+    petsc_check(MatSeqAIJSetPreallocationCSR(matrix, start, column, values));
+  }
+  EnergyAndForce energy_and_force() {
+    return [this](const Real* x, Real* f) {
+      if (--most < 0) throw NumericalError("the energy has no value");
+      f[0] = x[0] * (1 - x[0] * x[0]);
+      f[1] = -x[1];
+      return square(x[0] * x[0] - 1) / 4 + square(x[1]) / 2;
+    };
+  }
+};
+
+}  // namespace
+
+TEST_CASE("Newton's method goes downhill where the Hessian has a negative eigenvalue") {
+  TwoWells wells;
+  std::vector<Real> x = {0.1, 1};
+  const DescentResult result =
+      trust_region(x, wells.energy_and_force(), wells, {.force_tolerance = 1e-12, .max_move = 0.2});
+  CHECK(result.converged);
+  CHECK(x[0] == Approx(1));
+  CHECK(x[1] == Approx(0).margin(1e-11));
+  CHECK((result.iterations > 4 && result.iterations < 30));  // no step is longer than 0.2
+}
+
+TEST_CASE("Newton's method ends at limits, stop requests and exceptions") {
+  const auto run = [](TwoWells wells, const DescentOptions& o) {
+    std::vector<Real> x = {0.1, 1};
+    return trust_region(x, wells.energy_and_force(), wells, o);
+  };
+  CHECK(!run({}, {.max_evaluations = 3}).converged);
+  const DescentResult stopped = run({}, {.stop = [] { return true; }});
+  CHECK((stopped.stopped && !stopped.converged && stopped.evaluations == 1));
+  TwoWells wells;
+  wells.positive = false;
+  CHECK(!run(wells, {}).converged);
+  wells.positive = true;
+  wells.most = 4;
+  CHECK_THROWS_WITH(run(wells, {}), "the energy has no value");
 }
 
 TEST_CASE("packings that there are not") {

@@ -9,6 +9,7 @@
 #include <pliant/base/cure.h>
 #include <pliant/base/errors.h>
 #include <pliant/catalogue/droplet_rest.h>
+#include <pliant/jamming/potential.h>
 #include <pliant/scenarios/particles/options.h>
 
 namespace pliant {
@@ -72,6 +73,10 @@ void PackingOptions::resolve_particles() {
 void PackingOptions::bind_minimisation(Options& o) {
   constexpr auto fixed = OnRestart::fixed;
   o.group("Minimisation");
+  o.bind("minimiser", minimiser,
+         {{"lbfgs", Minimiser::lbfgs}, {"newton", Minimiser::newton}, {"fire", Minimiser::fire}},
+         {.help = "near a minimum: L-BFGS where it is faster than FIRE, Newton's method (PETSc TAO, -tao_...), or FIRE",
+          .on_restart = fixed});
   o.bind("force_tolerance", force_tolerance,
          {.help = "largest force at a minimum, divided by the pressure times sigma_avg^(d-1)",
           .min = 1e-12,
@@ -194,6 +199,12 @@ void PackOptions::resolve() {
       droplets_at_rest(model.term(BubbleContact<2>{}).law, model.term(Depletion<2>{}).law, sigma / 2, sigma / 2);
   if (modes > points() * dim)
     throw InputError("-modes {}: {} points in {}D have {} modes; give fewer", modes, points(), dim, points() * dim);
+  if (const Index most = dim == 2 ? Potential<2>::most_points : Potential<3>::most_points;
+      minimiser == Minimiser::newton && points() > most)
+    throw InputError(
+        "-minimiser newton with {} points in {}D: with more than {} the factors of the Hessians take too long; "
+        "use -minimiser lbfgs, or fewer points",
+        points(), dim, most);
   if (!fraction) {
     fraction = path == PackingPath::compress ? (dim == 2 ? 0.5 : 0.3) : (dim == 2 ? 0.9 : 0.7);
     if (model.deformable()) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include <pliant/catalogue/model_choice.h>
+#include <pliant/jamming/minimise.h>
 #include <pliant/model/term.h>
 #include <pliant/run/options.h>
 #include <pliant/setup/particles.h>
@@ -26,6 +27,7 @@ struct PackingOptions : RunOptions {
   PolygonShape shape{.vertices = 0};
   std::string mesh;  ///< text of an OFF file, of which shape.mesh is made; empty: none
   std::optional<Real> fraction;
+  Minimiser minimiser = Minimiser::lbfgs;
   Real force_tolerance = 1e-6;
   std::int64_t max_iterations = 1000000;
   Real contact_threshold = 1e-5;

@@ -13,6 +13,7 @@
 #include <pliant/jamming/backbone.h>
 #include <pliant/jamming/modes.h>
 #include <pliant/jamming/saddle.h>
+#include <pliant/jamming/trust_region.h>
 #include <pliant/model/contact_laws.h>
 #include <pliant/model/polygon.h>
 #include <pliant/scenarios/packings/measures.h>
@@ -65,7 +66,9 @@ void push_disks_apart(const Topology& particles, const Box<D>& box, Real most, s
 
 template <int D>
 PackingProtocol<D>::PackingProtocol(const PackingOptions& p, const Ranks& ranks)
-    : Protocol<D>(make_simulation<D>(p, ranks)), p_(p) {}
+    : Protocol<D>(make_simulation<D>(p, ranks)), p_(p) {
+  if (p.minimiser == Minimiser::newton) check_trust_region_options();
+}
 
 template <int D>
 std::unique_ptr<Integrator> PackingProtocol<D>::make_integrator(Real) {
@@ -141,6 +144,7 @@ void PackingProtocol<D>::add_work(const Box<D>& box_before, const Minimum<D>& be
 template <int D>
 MinimiserOptions PackingProtocol<D>::minimiser() {
   MinimiserOptions options;
+  options.minimiser = p_.minimiser;
   options.max_iterations = p_.max_iterations;
   interrupted_ = false;
   if (quick() && p_.model.in_catalogue() && p_.model.particles() == ModelKind::sp)
@@ -424,6 +428,12 @@ void PackingProtocol<D>::report(const Series&, nlohmann::ordered_json& s) {
 template <int D>
 std::string PackingProtocol<D>::progress() const {
   return fmt::format("fraction {:.5f}  p {:.3g}", fraction(), minimum_.stress.pressure());
+}
+
+template <int D>
+std::string PackingProtocol<D>::unread_options_advice() const {
+  return p_.minimiser == Minimiser::newton ? ""
+                                           : "of PETSc's solvers only TAO minimises (-tao_...), with -minimiser newton";
 }
 
 template class PackingProtocol<2>;

@@ -41,6 +41,7 @@ class PackingProtocol : public Protocol<D> {
   const std::vector<Real>* modes() const final { return p_.modes > 0 ? &mode_displacements_ : nullptr; }
   void write_axes(RunWriter& writer) const final;
   std::string progress() const final;
+  std::string unread_options_advice() const final;
 
  protected:
   /// Makes the next packing, by the functions below, which throw Interrupted where the run is to stop.

@@ -1,4 +1,4 @@
-#include <pliant/jamming/enthalpy.h>
+#include <pliant/jamming/potential.h>
 
 #include <algorithm>
 #include <cmath>
@@ -10,18 +10,25 @@
 namespace pliant {
 
 template <int D>
-bool Enthalpy<D>::suits(const ParticleSystem<D>& system) {
-  // The area couples all vertices of a polygon: with many the factors cost too much.
-  constexpr Index most = D == 2 ? 20000 : 0, most_in_one = 100;
+bool Potential<D>::suits(const ParticleSystem<D>& system) {
   const Topology& t = system.topology();
-  for (Index m = 0; m < t.owned(); ++m)
-    if (t.points_of(m) > most_in_one) return false;
-  return t.deformable() && t.owned_points() <= most && !system.ranks().several() &&
+  return t.owned_points() <= most_points && system.walls().size() == 0 && !system.ranks().several() &&
+         !system.rotates_or_remembers() &&
          std::all_of(t.active.begin(), t.active.begin() + t.owned(), [](auto active) { return active != 0; });
 }
 
 template <int D>
-Enthalpy<D>::Enthalpy(ParticleSystem<D>& system, Real pressure) : system_(system), pressure_(pressure) {
+bool Potential<D>::quick(const ParticleSystem<D>& system) {
+  constexpr Index most_in_one = 100;  // the area couples all vertices of a polygon
+  const Topology& t = system.topology();
+  for (Index m = 0; m < t.owned(); ++m)
+    if (t.points_of(m) > most_in_one) return false;
+  return D == 2 && t.deformable() && suits(system);
+}
+
+template <int D>
+Potential<D>::Potential(ParticleSystem<D>& system, std::optional<Real> pressure)
+    : system_(system), pressure_(pressure) {
   const Topology& t = system.topology();
   volume_ = system.box().volume();
   origin_ = system.box().origin();
@@ -32,7 +39,11 @@ Enthalpy<D>::Enthalpy(ParticleSystem<D>& system, Real pressure) : system_(system
 }
 
 template <int D>
-const std::vector<Real>& Enthalpy<D>::place(const Real* y) {
+const std::vector<Real>& Potential<D>::place(const Real* y) {
+  if (!pressure_) {
+    x_.assign(y, y + x_.size());
+    return x_;
+  }
   const Real log_length = y[x_.size()] / factor_, f = std::exp(log_length - log_length_);
   if (!(std::abs(log_length) < 3))
     throw NumericalError("the box has changed its length by a factor of {:.3g}; is the pressure right?",
@@ -49,15 +60,19 @@ const std::vector<Real>& Enthalpy<D>::place(const Real* y) {
 }
 
 template <int D>
-Real Enthalpy<D>::operator()(const Real* y, Real* f, bool with_energy) {
+Real Potential<D>::operator()(const Real* y, Real* f, bool with_energy) {
   const std::vector<Real>& x = place(y);
   StateView<D> s = system_.view(x.data(), nullptr);
-  s.ghosts_feel = s.topology.deformable() && s.neighbours.chunks() == 1;
+  s.ghosts_feel = pressure_ && s.topology.deformable() && s.neighbours.chunks() == 1;
   Real energy = 0;
   if (with_energy)
     energy = system_.field().energy(s, forces(s));
   else
     system_.field().forces(s, forces(s));
+  if (!pressure_) {
+    std::copy_n(force_.begin(), x_.size(), f);
+    return energy;
+  }
   const Topology& t = system_.topology();
   on_particles_.resize(static_cast<std::size_t>(t.particles()) * D);
   for (Index m = 0; m < t.particles(); ++m)
@@ -70,13 +85,13 @@ Real Enthalpy<D>::operator()(const Real* y, Real* f, bool with_energy) {
       point<D>(f, i) = point<D>(force_.data(), i) + (scale - 1) * mean;
   }
   const Real volume = volume_ * std::pow(scale, D);
-  f[x.size()] = -(virial + D * pressure_ * volume) / factor_;
-  return energy + pressure_ * volume;
+  f[x.size()] = -(virial + D * *pressure_ * volume) / factor_;
+  return energy + *pressure_ * volume;
 }
 
 /// Space for the forces on all points, zero on ghosts.
 template <int D>
-Real* Enthalpy<D>::forces(const StateView<D>& s) {
+Real* Potential<D>::forces(const StateView<D>& s) {
   force_.resize(static_cast<std::size_t>(s.topology.points()) * D);
   std::fill(force_.begin() + static_cast<std::ptrdiff_t>(x_.size()), force_.end(), 0);
   return force_.data();
@@ -84,7 +99,7 @@ Real* Enthalpy<D>::forces(const StateView<D>& s) {
 
 /// As virial_of_centres, without the forces on ghosts.
 template <int D>
-Real Enthalpy<D>::virial_of_terms(const StateView<D>& s) const {
+Real Potential<D>::virial_of_terms(const StateView<D>& s) const {
   Real virial = 0;
   for (const TermVirial<D>& term : system_.field().virials(s)) virial += term.virial.trace();
   const Topology& t = s.topology;
@@ -96,37 +111,69 @@ Real Enthalpy<D>::virial_of_terms(const StateView<D>& s) const {
   return virial;
 }
 
+/// The strain of the box moves the centres, and leaves out the displacements relative to them.
 template <int D>
-bool Enthalpy<D>::factorise(const Real* y) {
-  const Stiffness<D> h(system_, place(y));
-  // The strain of the box moves the centres, and leaves out the displacements relative to them.
+void Potential<D>::differentiate(const Real* y) {
+  const Stiffness<D>& h = stiffness_.emplace(system_, place(y));
+  if (!pressure_) return;
   const Topology& t = system_.topology();
-  Eigen::VectorXd relative(h.size()), by_box = Eigen::VectorXd::Zero(h.size());
+  Eigen::VectorXd relative(h.size());
   for (Index m = 0; m < t.owned(); ++m) {
     const Vec<D> centre = mean_of_points<D>(x_.data(), t, m);
     for (Index i = t.offset[m]; i < t.offset[m + 1]; ++i)
       relative.template segment<D>(static_cast<Eigen::Index>(i) * D) = point<D>(x_.data(), i) - centre;
   }
   const StrainDerivatives<D>& strain = h.strain();
-  Real box = D * (D - 1) * pressure_ * system_.box().volume();
+  by_box_.setZero(h.size());
+  box_ = D * (D - 1) * *pressure_ * system_.box().volume();
   for (int a = 0; a < D; ++a) {
-    by_box += strain.mixed.col(a * D + a);
-    for (int b = 0; b < D; ++b) box += strain.affine(a * D + a, b * D + b);
+    by_box_ += strain.mixed.col(a * D + a);
+    for (int b = 0; b < D; ++b) box_ += strain.affine(a * D + a, b * D + b);
   }
   const Eigen::VectorXd of_shapes = h.matrix() * relative;
-  box += relative.dot(of_shapes - 2 * by_box);
-  by_box -= of_shapes;
-  by_box /= factor_;
-  box /= square(factor_);
+  box_ += relative.dot(of_shapes - 2 * by_box_);
+  by_box_ -= of_shapes;
+  by_box_ /= factor_;
+  box_ /= square(factor_);
+}
 
-  const Real bound = h.bound();
-  factors_.emplace(h);
+template <int D>
+bool Potential<D>::factorise(const Real* y) {
+  differentiate(y);
+  const Real bound = stiffness_->bound();
+  factors_.emplace(*stiffness_);
   for (Real shift = 1e-9 * bound; shift < bound; shift *= 100)
-    if (factors_->factorise(shift, by_box, box)) return true;
+    if (factors_->factorise(shift, by_box_, box_)) return true;
   return false;
 }
 
-template class Enthalpy<2>;
-template class Enthalpy<3>;
+template <int D>
+void Potential<D>::fill(::Mat matrix) const {
+  const auto h = stiffness_->matrix();
+  std::vector<PetscInt> start = {0}, column;
+  std::vector<Real> values;
+  const PetscInt n = stiffness_->size();
+  for (PetscInt row = 0; row < n; ++row) {
+    const PetscInt first = h.outerIndexPtr()[row], end = h.outerIndexPtr()[row + 1];
+    column.insert(column.end(), h.innerIndexPtr() + first, h.innerIndexPtr() + end);
+    values.insert(values.end(), h.valuePtr() + first, h.valuePtr() + end);
+    if (pressure_) {
+      column.push_back(n);
+      values.push_back(by_box_[row]);
+    }
+    start.push_back(static_cast<PetscInt>(column.size()));
+  }
+  if (pressure_) {
+    for (PetscInt k = 0; k < n; ++k) column.push_back(k);
+    column.push_back(n);
+    values.insert(values.end(), by_box_.begin(), by_box_.end());
+    values.push_back(box_);
+    start.push_back(static_cast<PetscInt>(column.size()));
+  }
+  petsc_check(MatSeqAIJSetPreallocationCSR(matrix, start.data(), column.data(), values.data()));
+}
+
+template class Potential<2>;
+template class Potential<3>;
 
 }  // namespace pliant
