@@ -141,8 +141,9 @@ template <int D>
 bool Potential<D>::factorise(const Real* y) {
   differentiate(y);
   const Real bound = stiffness_->bound();
+  least_shift_ = 1e-9 * bound;
   factors_.emplace(*stiffness_);
-  for (Real shift = 1e-9 * bound; shift < bound; shift *= 100)
+  for (Real shift = least_shift_; shift < bound; shift *= 100)
     if (factors_->factorise(shift, by_box_, box_)) return true;
   return false;
 }
@@ -157,6 +158,7 @@ void Potential<D>::fill(::Mat matrix) const {
     const PetscInt first = h.outerIndexPtr()[row], end = h.outerIndexPtr()[row + 1];
     column.insert(column.end(), h.innerIndexPtr() + first, h.innerIndexPtr() + end);
     values.insert(values.end(), h.valuePtr() + first, h.valuePtr() + end);
+    values[std::find(column.begin() + start.back(), column.end(), row) - column.begin()] += least_shift_;
     if (pressure_) {
       column.push_back(n);
       values.push_back(by_box_[row]);

@@ -35,6 +35,7 @@ class Potential final : public ExactHessian {
   /// added, and a larger one where the Hessian is not positive definite.
   bool factorise(const Real* y) override;
   void solve(Eigen::VectorXd& b) override { factors_->solve(b); }
+  /// With the small multiple of the unit matrix: zero modes have no negative curvature.
   void fill(::Mat matrix) const override;
 
  private:
@@ -50,6 +51,7 @@ class Potential final : public ExactHessian {
   std::optional<Stiffness<D>> stiffness_;
   Eigen::VectorXd by_box_;  ///< the last row and column of the Hessian, without its corner; empty without a pressure
   Real box_ = 0;            ///< the corner
+  Real least_shift_ = 0;    ///< multiple of the unit matrix that hides rounding errors of zero eigenvalues
   std::optional<StiffnessFactors<D>> factors_;
 };
 
