@@ -195,7 +195,7 @@ void minimise_points(ParticleSystem<D>& system, std::span<Real> x, const std::ve
     minimise_points<D>(system, x, mass, o, iterations, true);
 }
 
-/// Minimises the enthalpy over positions and box. quick: near the minimum with the exact Hessian.
+/// Minimises the enthalpy over positions and box. part_in_valley: see the function of this name.
 template <int D>
 void minimise_with_box(ParticleSystem<D>& system, std::span<Real> x, const std::vector<Real>& mass, bool only_energies,
                        const MinimiserOptions& o, Iterations& iterations, Real part_in_valley) {
