@@ -1,4 +1,4 @@
-// Messages that outlive their process, until another file holds what they say.
+// A log whose messages survive a kill of the process, until they are stored in another file.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@ namespace pliant {
 /// InputError where it cannot be read.
 class MessageLog {
  public:
-  /// owner: a text; messages that were written for another one are not found.
+  /// owner: messages() ignores a log that was written with another one.
   MessageLog(std::filesystem::path path, std::string_view owner);
   MessageLog(MessageLog&& other) noexcept;
   MessageLog& operator=(MessageLog&&) = delete;
@@ -26,8 +26,9 @@ class MessageLog {
   };
   /// The messages of an earlier process, in their order, without a last one that is cut short.
   std::vector<Message> messages() const;
+  /// The first message removes those of earlier processes: read them before.
   void add(std::int64_t number, std::string_view bytes);
-  /// Drops all messages.
+  /// Removes the messages that this process has added.
   void clear();
   /// Removes the file; the next message begins a new one.
   void remove();

@@ -15,13 +15,13 @@ namespace pliant {
 class ApproximateHessian {
  public:
   virtual ~ApproximateHessian() = default;
-  /// At coordinates; false if there is none.
+  /// Computes factors at x; false if there are none.
   virtual bool factorise(const Real* x) = 0;
   /// b becomes H⁻¹ b.
   virtual void solve(Eigen::VectorXd& b) = 0;
 };
 
-/// The same with the Hessian itself, which need not be positive definite.
+/// With the exact Hessian, too, which may have negative eigenvalues.
 class ExactHessian : public ApproximateHessian {
  public:
   /// Gives a sequential AIJ matrix the entries of the Hessian at the coordinates of the last factorise().

@@ -16,7 +16,7 @@
 namespace pliant {
 namespace {
 
-/// Why there is no stress, or nothing.
+/// The reason why the stress is undefined; empty if it is defined.
 template <int D>
 std::optional<std::string> without_stress(const ParticleSystem<D>& system) {
   for (int k = 0; k < D; ++k)
@@ -53,7 +53,7 @@ std::vector<Real> velocities_at_rest(const ParticleSystem<D>& system) {
   return std::vector<Real>(system.rotates_or_remembers() ? system.size() : 0);
 }
 
-/// Whether the model has forces that depend on velocities, of which a minimum is independent.
+/// Whether the model has dissipative forces, which do not affect minima.
 template <int D>
 bool dissipates(ParticleSystem<D>& system, std::span<const Real> x) {
   const std::vector<Real> rest(x.size());

@@ -25,7 +25,7 @@ struct BoxStress {
 template <int D>
 BoxStress<D> stress_of(ParticleSystem<D>& system, const Real* x);
 
-/// The method near the minimum, where FIRE has found its valley; fire: the same to the end.
+/// The method that replaces FIRE near the minimum; fire: none.
 enum class Minimiser { lbfgs, newton, fire };
 
 struct MinimiserOptions {
@@ -57,13 +57,14 @@ struct Minimum {
 template <int D>
 Minimum<D> measure_at(ParticleSystem<D>& system, std::span<const Real> x, Real t = 0);
 
-/// Moves the particles to a minimum by FIRE (fire.h); near the minimum by L-BFGS (quasi_newton.h) few points and small
-/// polygons, by Newton's method (trust_region.h) all systems that Potential suits. FIRE continues where these find no
-/// minimum. x [size of the system]: the own positions; angles remain. At a fixed pressure the box grows and shrinks
-/// without change of shape; particles keep their shapes while it does, since only their centres follow the box. On one
-/// rank. Errors: InputError for several ranks; at a fixed pressure for a box that is open in a direction, walls,
-/// particles that rotate or contacts with history, or a pressure that is not positive; NumericalError where forces are
-/// not finite, or where the box at a fixed pressure grows without end.
+/// Moves the particles to a minimum by FIRE (fire.h). Near the minimum L-BFGS (quasi_newton.h) replaces it for systems
+/// that PointPacking::suits() or Potential::quick() accepts, and Newton's method (trust_region.h) for systems that
+/// Potential::suits() accepts. FIRE continues if they find no minimum. x [size of the system]: the own positions;
+/// angles remain. At a fixed pressure the box grows and shrinks without change of shape; particles keep their shapes
+/// while it does, since only their centres follow the box. On one rank. Errors: InputError for several ranks; at a
+/// fixed pressure for a box that is open in a direction, walls, particles that rotate or contacts with history, or a
+/// pressure that is not positive; NumericalError where forces are not finite, or where the box at a fixed pressure
+/// grows without end.
 template <int D>
 Minimum<D> minimise(ParticleSystem<D>& system, std::span<Real> x, const MinimiserOptions& options);
 

@@ -44,7 +44,7 @@ PointPacking<D>::PointPacking(const ParticleSystem<D>& system, const PairContact
     radius_.push_back(t.diameter[m] / 2);
     widest_ = std::max(widest_, t.diameter[m]);
   }
-  factor_ = std::sqrt(static_cast<Real>(t.owned()) / 2);  // as of systems of any kind, see minimise.cpp
+  factor_ = std::sqrt(static_cast<Real>(t.owned()) / 2);  // as of systems of any kind, see potential.cpp
 }
 
 template <int D>

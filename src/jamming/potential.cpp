@@ -125,6 +125,7 @@ void Potential<D>::differentiate(const Real* y) {
   }
   const StrainDerivatives<D>& strain = h.strain();
   by_box_.setZero(h.size());
+  // D² p V, and the first derivative of U by the logarithm, which is −D p V at equilibrium.
   box_ = D * (D - 1) * *pressure_ * system_.box().volume();
   for (int a = 0; a < D; ++a) {
     by_box_ += strain.mixed.col(a * D + a);

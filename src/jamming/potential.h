@@ -11,14 +11,14 @@
 namespace pliant {
 
 /// U of a system, at a pressure U + p V. Coordinates y: the own positions in the box at the start; at a pressure, then
-/// the logarithm of the box length over the one at the start, times a factor. Particles keep their shapes while the box
-/// changes, since only their centres follow it.
+/// √(N/2) times the logarithm of the box length over the one at the start, for N points. When the box changes, the
+/// particles follow with their centres and keep their shapes.
 template <int D>
 class Potential final : public ExactHessian {
  public:
   static constexpr Index most_points = D == 2 ? 20000 : 2000;
 
-  /// Whether the system has a Hessian, and not more than most_points, with which factors take too long.
+  /// Whether the system has a Hessian, and at most most_points points; with more the factors take too long.
   static bool suits(const ParticleSystem<D>& system);
   /// Whether factors of the Hessian also cost less than the iterations of FIRE that L-BFGS saves: small systems of
   /// small polygons.
@@ -31,8 +31,8 @@ class Potential final : public ExactHessian {
   /// The energy, at a pressure with p V, and forces at y; U only where it is asked for.
   Real operator()(const Real* y, Real* f, bool with_energy);
 
-  /// At a y near the start: as if the box there were the box at the start. A small multiple of the unit matrix is
-  /// added, and a larger one where the Hessian is not positive definite.
+  /// The change of the box since the start is neglected, so y must be near the start. A small multiple of the unit
+  /// matrix is added, and a larger one where the Hessian is not positive definite.
   bool factorise(const Real* y) override;
   void solve(Eigen::VectorXd& b) override { factors_->solve(b); }
   /// With the small multiple of the unit matrix: zero modes have no negative curvature.

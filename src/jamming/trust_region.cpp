@@ -52,8 +52,8 @@ PetscTao make_tao() {
 /// The Hessian is not positive definite even with a large multiple of the unit matrix.
 struct NoFactors {};
 
-/// An energy in the form of TAO. TAO compares energies with fixed limits, below which it takes a decrease for a
-/// rounding error; therefore the unit of its energies is a small part of the energy at the start.
+/// An energy in the form of TAO. TAO treats changes of the energy below fixed limits as rounding errors; therefore the
+/// unit of its energies is a small part of the energy at the start.
 class Problem {
  public:
   Problem(std::span<Real> x, const EnergyAndForce& energy_and_force, ExactHessian& hessian, const DescentOptions& o)
@@ -114,7 +114,7 @@ void Problem::evaluate() {
   energy_ = energy_and_force_(x_.data(), force_.data());
 }
 
-/// TAO asks for energy and gradient one after the other.
+/// TAO asks for the energy and the gradient at a place one after the other.
 void Problem::evaluate(::Vec at) {
   bool same = false;
   with_values(at, [&](const Real* x) {
@@ -124,7 +124,7 @@ void Problem::evaluate(::Vec at) {
   if (!same) evaluate();
 }
 
-/// Whether a step moves a coordinate too far.
+/// Whether a coordinate is more than max_move from the place of the last Hessian.
 bool Problem::far(::Vec at) const {
   bool is_far = false;
   with_values(at, [&](const Real* x) {
