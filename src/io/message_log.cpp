@@ -33,9 +33,6 @@ std::uint64_t checksum_of(std::uint32_t owner, Head head, std::string_view messa
 MessageLog::MessageLog(std::filesystem::path path, std::string_view owner)
     : path_(std::move(path)), owner_(crc32_of(std::as_bytes(std::span(owner)))) {}
 
-MessageLog::MessageLog(MessageLog&& other) noexcept
-    : path_(std::move(other.path_)), owner_(other.owner_), file_(std::exchange(other.file_, -1)) {}
-
 MessageLog::~MessageLog() {
   if (file_ >= 0) ::close(file_);
 }
@@ -66,15 +63,11 @@ std::vector<MessageLog::Message> MessageLog::messages() const {
   return all;
 }
 
-void MessageLog::open() {
-  file_ = open_regular(path_, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW);
+void MessageLog::add(std::int64_t number, std::string_view bytes) {
+  if (file_ < 0) file_ = open_regular(path_, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW);
   if (file_ < 0)
     throw OutputError("cannot write {}: {}; check permissions and free space, or choose another folder", path_.string(),
                       std::strerror(errno));
-}
-
-void MessageLog::add(std::int64_t number, std::string_view bytes) {
-  if (file_ < 0) open();
   Head head{bytes.size(), number};
   head.checksum = checksum_of(owner_, head, bytes);
   std::array<iovec, 2> left{{{&head, sizeof head}, {const_cast<char*>(bytes.data()), bytes.size()}}};

@@ -16,8 +16,8 @@ class MessageLog {
  public:
   /// owner: messages() ignores a log that was written with another one.
   MessageLog(std::filesystem::path path, std::string_view owner);
-  MessageLog(MessageLog&& other) noexcept;
-  MessageLog& operator=(MessageLog&&) = delete;
+  MessageLog(const MessageLog&) = delete;
+  MessageLog& operator=(const MessageLog&) = delete;
   ~MessageLog();
 
   struct Message {
@@ -26,7 +26,7 @@ class MessageLog {
   };
   /// The messages of an earlier process, in their order, without a last one that is cut short.
   std::vector<Message> messages() const;
-  /// The first message removes those of earlier processes: read them before.
+  /// Appends a message. The first call empties the file, so messages() must be called before it.
   void add(std::int64_t number, std::string_view bytes);
   /// Removes the messages that this process has added.
   void clear();
@@ -34,8 +34,6 @@ class MessageLog {
   void remove();
 
  private:
-  void open();
-
   std::filesystem::path path_;
   std::uint32_t owner_;  ///< checksum
   int file_ = -1;
