@@ -27,11 +27,13 @@ if TYPE_CHECKING:
     from .scenario_calls import channel, clog, evaluate, hopper, pack, raft, shear, vibrate
     from .simulation import (Box, Container, Mesh, Minimum, Moduli, Simulation, Walls, block_average, diameters, flow_rate,
                              regular_polygons, start_up)
+    from .together import advance
 
 #: Name → module that needs the engine.
 _ENGINE = {**{name: "scenario_calls" for name in ("channel", "clog", "evaluate", "hopper", "pack", "raft", "shear", "vibrate")},
            **{name: "simulation" for name in ("Box", "Container", "Mesh", "Minimum", "Moduli", "Simulation", "Walls", "block_average",
-                                              "diameters", "flow_rate", "regular_polygons", "start_up")}}
+                                              "diameters", "flow_rate", "regular_polygons", "start_up")},
+           "advance": "together"}
 
 __all__ = ["Ensemble", "FolderInUseError", "Frame", "Frames", "Geometry", "InputError", "NumericalError", "OutOfMemoryError",
            "OutputError", "PliantError", "PliantWarning", "Profile", "Run", "RunError", "Topology", "UsageError",

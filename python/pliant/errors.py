@@ -1,10 +1,14 @@
 """Errors that a user can cure; each message is one line with the fact and the cure."""
 
+from __future__ import annotations
+
 
 class PliantError(Exception):
-    """Base of all errors raised on purpose; a script exits with `exit_code`."""
+    """Base of all errors raised on purpose; a script exits with `exit_code`. errors: of advance(), the errors of all simulations
+    that have failed, by number in the list."""
 
     exit_code = 2
+    errors: dict[int, PliantError] = {}
 
 
 class RunError(PliantError):

@@ -758,7 +758,7 @@ class Simulation(_Fixed):
         if self.force is not None and not callable(self.force):
             raise InputError(f"force: {self.force!r} cannot be called")
         try:
-            self._core.run(t, n, [(functools.partial(function, self), interval) for function, interval in calls], self.force)
+            core.run(self._core, t, n, [(functools.partial(function, self), interval) for function, interval in calls], self.force)
         except BaseException as error:
             self._interrupted(error)
             raise

@@ -10,7 +10,7 @@
 namespace pliant {
 namespace {
 
-std::function<std::string(Cure)> option_of;
+thread_local std::function<std::string(Cure)> option_of;
 
 const char* phrase(Cure cure) {
   switch (cure) {

@@ -23,7 +23,7 @@ struct Registered {
   }
 };
 
-bool logging = false;
+thread_local bool logging = false;  // PETSc's log is for one thread
 
 const Registered& registered() {
   static const Registered once;

@@ -66,12 +66,13 @@ const char* class_of(const Error& error) {
   return found == names.end() ? "PliantError" : found->second;
 }
 
+py::object type_of(const Error& error) { return py::module_::import("pliant.errors").attr(class_of(error)); }
+
 void translate(std::exception_ptr pointer) {  // NOLINT(performance-unnecessary-value-param): pybind11's type
   try {
     if (pointer) std::rethrow_exception(pointer);
   } catch (const Error& error) {
-    const py::object type = py::module_::import("pliant.errors").attr(class_of(error));
-    PyErr_SetString(type.ptr(), error.what());
+    PyErr_SetString(type_of(error).ptr(), error.what());
   }
 }
 
@@ -109,6 +110,15 @@ EngineUse::EngineUse(Kind kind) : outermost_(!user), runs_(kind == Kind::run) {
 EngineUse::~EngineUse() {
   if (runs_) running = false;
   if (outermost_) user.reset();
+}
+
+py::object python_error(const std::exception_ptr& exception) {
+  try {
+    std::rethrow_exception(exception);
+  } catch (...) {
+    const Error error = error_in_flight();
+    return type_of(error)(error.what());
+  }
 }
 
 void bind_engine(py::module_& m) {

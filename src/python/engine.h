@@ -39,19 +39,24 @@ class EngineUse {
   bool outermost_, runs_;
 };
 
-/// The first exception of Python code that the engine called, to be thrown once the engine has returned. All functions
-/// may be called without the GIL.
+/// The first exception of a function that a run calls after a step, such as a callback, to be thrown once the engine
+/// has returned. All functions may be called without the GIL.
 class PendingError {
  public:
-  /// Calls body() with the GIL; keeps its exception.
+  /// Calls body(); keeps its exception, which must not be one of Python.
   template <class Body>
-  void guard(Body&& body) noexcept {
-    const py::gil_scoped_acquire gil;
+  void keep(Body&& body) noexcept {
     try {
       body();
     } catch (...) {
       if (!error_) error_ = std::current_exception();
     }
+  }
+  /// As keep(), with the GIL: for Python code, and for libraries that serve one thread at a time.
+  template <class Body>
+  void guard(Body&& body) noexcept {
+    const py::gil_scoped_acquire gil;
+    keep(body);
   }
   explicit operator bool() const { return error_ != nullptr; }
   void rethrow() {
@@ -65,6 +70,9 @@ class PendingError {
 /// Handlers of signals of the interpreter (Ctrl-C) run; their exceptions are thrown. With the GIL. Errors: UsageError
 /// at the end of the interpreter, which waits for the runs of other threads.
 void check_signals();
+
+/// An instance of the class in pliant.errors for the exception.
+py::object python_error(const std::exception_ptr& exception);
 
 void bind_engine(py::module_& m);
 void bind_scenarios(py::module_& m);

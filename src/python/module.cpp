@@ -8,5 +8,6 @@ PYBIND11_MODULE(_core, m) {
   pliant::python::bind_meshes(m);
   pliant::python::bind_walls(m);
   pliant::python::bind_simulation(m);
+  pliant::python::bind_runs(m);
   pliant::python::bind_statistics(m);
 }

@@ -59,6 +59,8 @@ class RunOutput {
   RunOutput(FolderLock lock, const OutputIntervals& intervals, std::string model);
   void go_on(const std::filesystem::path& checkpoint, const Topology& all);
 
+  /// Whether a frame or a sample is due.
+  bool due(Real t) const { return (sampling_ && sampling_->due(t)) || (framing_ && framing_->due(t)); }
   /// After an accepted step: writes a frame and a sample if they are due.
   void follow(Simulation<D>& simulation, EnergyAudit<D>& audit);
   /// Without a second frame, or sample, of the same time with the same numbers.

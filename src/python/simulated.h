@@ -60,8 +60,9 @@ class Simulated final : public AnySimulation {
   py::dict topology() const override;
   py::array images() const override;
 
-  void run(std::optional<Real> duration, std::int64_t count, const std::vector<Callback>& callbacks,
-           py::object force) override;
+  std::unique_ptr<Run> begin_run(std::optional<Real> duration, std::int64_t count,
+                                 const std::vector<Callback>& callbacks, py::object force) override;
+  bool needs_petsc() const override { return settings_->method == Method::ts; }
   void stop() override {
     if (running_ == nullptr) throw UsageError("stop() ends a run from its callback; this simulation is not running");
     stop_ = true;
@@ -104,7 +105,7 @@ class Simulated final : public AnySimulation {
   static constexpr std::array<const char*, 4> names{"positions", "velocities", "angles", "spins"};
 
   class ForceFunction;
-  struct Running;
+  class Running;
 
   Simulation<D>& simulation() const {
     check_open();

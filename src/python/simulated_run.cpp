@@ -2,6 +2,7 @@
 #include <omp.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <exception>
 #include <limits>
@@ -28,65 +29,6 @@ Array stress_array(const BoxStress<D>& of) {
 }
 
 }  // namespace
-
-template <int D>
-void Simulated<D>::run(std::optional<Real> duration, std::int64_t count, const std::vector<Callback>& callbacks,
-                       py::object force) {
-  const EngineUse use(EngineUse::Kind::run);
-  check_open();
-  take_changes();
-  Running running(*this, callbacks, count);
-  const Real end = end_of(duration, count);
-  prepare();
-  settle();
-  audit_->prepare(fresh_);
-  const CureOptions cures([this](Cure cure) { return settings_->options.curing(cure); });
-  std::unique_ptr<ForceFunction> function;
-  const bool acts = !force.is_none();
-  called_functions_ |= acts || !callbacks.empty();
-  if (acts) {
-    function = std::make_unique<ForceFunction>(*this, std::move(force), running.error);
-    field_->set_function([&](const StateView<D>& s, Real* f) { (*function)(s, f); });
-  }
-  if (std::exchange(function_acts_, acts) != acts) mark_changed();
-  std::exception_ptr failure;
-  {
-    const py::gil_scoped_release released;
-    omp_set_num_threads(static_cast<int>(settings_->threads));
-    try {
-      for (bool more = true; more;) {
-        if (function) function->keep(simulation_->state());
-        fresh_ = false;
-        simulation_->advance(end, [&](State&) { return running.after_step(function.get()); });
-        more = running.apply_deferred();
-      }
-      if (!running.error) {
-        check_walls(running.step);
-        judge_energy();
-      }
-      if (function && !running.error) simulation_->find_velocities();  // with the function, which ends with the run
-    } catch (...) {
-      failure = std::current_exception();
-    }
-    if (failure) mark_changed();  // the integrator may have stopped in the middle of a step
-    if (function && function->failed()) function->restore(*simulation_);
-  }
-  if (function) {
-    field_->set_function({});
-    function_acts_ = false;
-    mark_changed();
-  }
-  deferred_.clear();
-  show_state();
-  try {
-    running.error.rethrow();
-    if (failure) std::rethrow_exception(failure);
-  } catch (const NumericalError& error) {
-    failed_ = error.what();
-    throw;
-  }
-  check_signals();
-}
 
 template <int D>
 py::dict Simulated<D>::minimize(Real force_tolerance, std::int64_t most_iterations, std::optional<Real> pressure) {
@@ -221,16 +163,16 @@ class Simulated<D>::ForceFunction {
   bool failed_ = false;
 };
 
-/// A run: its callbacks, errors and end.
 template <int D>
-struct Simulated<D>::Running {
+class Simulated<D>::Running final : public Run {
+ public:
   struct Call {
     const Callback* callback;
     std::optional<Schedule> schedule;
   };
 
-  Running(Simulated& simulated, const std::vector<Callback>& callbacks, std::int64_t count)
-      : of(simulated), left(count), last_t(simulated.t()) {
+  Running(Simulated& simulated, const std::vector<Callback>& callbacks, Real end, std::int64_t count)
+      : of(simulated), end_t(end), left(count), last_t(simulated.t()) {
     for (const Callback& callback : callbacks) {
       Call call{&callback, {}};
       if (callback.second) {
@@ -244,15 +186,61 @@ struct Simulated<D>::Running {
     of.running_ = this;
     of.stop_ = of.changed_ = false;
   }
-  ~Running() { of.running_ = nullptr; }
+  ~Running() override { of.running_ = nullptr; }
   Running(const Running&) = delete;
   Running& operator=(const Running&) = delete;
 
-  AfterStep after_step(ForceFunction* function) {
+  void set_force(py::object force) {
+    function = std::make_unique<ForceFunction>(of, std::move(force), error);
+    of.field_->set_function([this](const StateView<D>& s, Real* f) { (*function)(s, f); });
+  }
+
+  void compute(const std::atomic<bool>* stop) noexcept override {
+    stop_all = stop;
+    omp_set_num_threads(static_cast<int>(of.settings_->threads));
+    try {
+      const CureOptions cures([this](Cure cure) { return of.settings_->options.curing(cure); });
+      for (bool more = true; more;) {
+        if (function) function->keep(of.simulation_->state());
+        of.fresh_ = false;
+        of.simulation_->advance(end_t, [&](State&) { return after_step(); });
+        more = apply_deferred();
+      }
+      if (!error) {
+        of.check_walls(step);
+        of.judge_energy();
+      }
+      if (function && !error) of.simulation_->find_velocities();  // with the function, which ends with the run
+    } catch (...) {
+      failure = std::current_exception();
+    }
+    if (failure) of.mark_changed();  // the integrator may have stopped in the middle of a step
+    if (function && function->failed()) function->restore(*of.simulation_);
+  }
+
+  void end() override {
+    if (function) {
+      of.field_->set_function({});
+      of.function_acts_ = false;
+      of.mark_changed();
+    }
+    of.deferred_.clear();
+    of.show_state();
+    try {
+      error.rethrow();
+      if (failure) std::rethrow_exception(failure);
+    } catch (const NumericalError& numerical) {
+      of.failed_ = numerical.what();
+      throw;
+    }
+  }
+
+ private:
+  AfterStep after_step() {
     if (error) return AfterStep::stop;  // exception of the force function
     Simulation<D>& simulation = *of.simulation_;
     of.stale_ = true;
-    of.follow_energy(function);
+    of.follow_energy(function.get());
     if (error) return AfterStep::stop;
     if constexpr (D == 2)
       if (of.deformable()) of.outlines_.after_step(simulation.particles(), simulation.state());
@@ -270,7 +258,10 @@ struct Simulated<D>::Running {
       if (error) break;
     }
     const bool now_and_then = control.due();
-    if (now_and_then) error.guard(check_signals);
+    if (stop_all != nullptr)
+      of.stop_ = of.stop_ || *stop_all;
+    else if (now_and_then)
+      error.guard(check_signals);
     step = simulation.state().t - std::exchange(last_t, simulation.state().t);
     if (left > 0) --left;
     const bool changed = std::exchange(of.changed_, false), ends = error || of.stop_ || left == 0,
@@ -281,15 +272,20 @@ struct Simulated<D>::Running {
       of.field_->start_power();
       after_change();
     }
-    if (function != nullptr) function->keep(simulation.state());
-    if (!error && steps++ % 128 == 0) error.guard([&] { of.check_walls(step); });
+    if (function) function->keep(simulation.state());
+    if (!error && steps++ % 128 == 0) error.keep([&] { of.check_walls(step); });
     ended = ends || error;
     const bool sorted = !stops && !error && !changed && simulation.wants_sorting();
     if (sorted) sort();
     if (of.output_ && !error) {
-      of.output_->follow(simulation, *of.audit_);
-      if (of.deferred_.empty() && (of.output_->save_asked() || (now_and_then && of.output_->save_due())))
-        of.write_checkpoint(changed || (ends && function != nullptr));  // the force ends with the run
+      const bool due = of.output_->due(simulation.state().t),
+                 saves = of.deferred_.empty() && (of.output_->save_asked() || (now_and_then && of.output_->save_due()));
+      // HDF5 serves one thread at a time: the thread with the GIL.
+      if (due || saves)
+        error.guard([&] {
+          if (due) of.output_->follow(simulation, *of.audit_);
+          if (saves) of.write_checkpoint(changed || (ends && function));  // the force ends with the run
+        });
     }
     if (sorted) after_change();
     of.audit_->prepare(changed);
@@ -330,13 +326,34 @@ struct Simulated<D>::Running {
 
   Simulated& of;
   std::vector<Call> calls;
+  std::unique_ptr<ForceFunction> function;
+  const std::atomic<bool>* stop_all = nullptr;
+  Real end_t;
   std::int64_t left;  ///< steps; −1: no limit
   std::int64_t steps = 0;
   Real last_t, step = 0;
   bool ended = false;
   PendingError error;
+  std::exception_ptr failure;  ///< exception of the integrator
   RunControl control{0, 0};
 };
+
+template <int D>
+std::unique_ptr<Run> Simulated<D>::begin_run(std::optional<Real> duration, std::int64_t count,
+                                             const std::vector<Callback>& callbacks, py::object force) {
+  check_open();
+  take_changes();
+  auto running = std::make_unique<Running>(*this, callbacks, end_of(duration, count), count);
+  const CureOptions cures([this](Cure cure) { return settings_->options.curing(cure); });
+  prepare();
+  settle();
+  audit_->prepare(fresh_);
+  const bool acts = !force.is_none();
+  called_functions_ |= acts || !callbacks.empty();
+  if (acts) running->set_force(std::move(force));
+  if (std::exchange(function_acts_, acts) != acts) mark_changed();
+  return running;
+}
 
 template <int D>
 void Simulated<D>::prepare() {
@@ -435,12 +452,14 @@ Real Simulated<D>::end_of(std::optional<Real> duration, std::int64_t count) cons
 template void Simulated<2>::settle();
 template void Simulated<2>::judge_energy();
 template void Simulated<2>::start_watches();
-template void Simulated<2>::run(std::optional<Real>, std::int64_t, const std::vector<Callback>&, py::object);
+template std::unique_ptr<Run> Simulated<2>::begin_run(std::optional<Real>, std::int64_t, const std::vector<Callback>&,
+                                                      py::object);
 template py::dict Simulated<2>::minimize(Real, std::int64_t, std::optional<Real>);
 template void Simulated<3>::settle();
 template void Simulated<3>::judge_energy();
 template void Simulated<3>::start_watches();
-template void Simulated<3>::run(std::optional<Real>, std::int64_t, const std::vector<Callback>&, py::object);
+template std::unique_ptr<Run> Simulated<3>::begin_run(std::optional<Real>, std::int64_t, const std::vector<Callback>&,
+                                                      py::object);
 template py::dict Simulated<3>::minimize(Real, std::int64_t, std::optional<Real>);
 
 }  // namespace pliant::python

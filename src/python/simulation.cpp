@@ -117,7 +117,6 @@ void bind_simulation(py::module_& m) {
       .def("take_warning", &AnySimulation::take_warning)
       .def("topology", &AnySimulation::topology)
       .def("images", &AnySimulation::images)
-      .def("run", &AnySimulation::run)
       .def("stop", &AnySimulation::stop)
       .def("minimize", &AnySimulation::minimize)
       .def("moduli", &AnySimulation::moduli)

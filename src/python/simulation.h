@@ -3,6 +3,7 @@
 
 #include <pybind11/numpy.h>
 
+#include <atomic>
 #include <memory>
 #include <optional>
 #include <string>
@@ -41,6 +42,18 @@ using MotionArguments =
 /// A function, and the interval between its calls; none: after every step.
 using Callback = std::pair<py::object, std::optional<Real>>;
 
+/// A run that has begun, while the engine is in use (EngineUse). Until the run has ended, only the run and its
+/// callbacks change the simulation.
+class Run {
+ public:
+  virtual ~Run() = default;
+  /// Integrates, without the GIL; end() throws the errors. stop: once it is true the run ends after its step. Null: in
+  /// the thread that began the run, which checks signals itself.
+  virtual void compute(const std::atomic<bool>* stop) noexcept = 0;
+  /// After compute(), in the thread that began the run.
+  virtual void end() = 0;
+};
+
 /// Any dimension. The Python class Simulation wraps it, converts arguments and documents it. Arrays are in the order of
 /// the particles, which is that in which they were added; the engine's own order in memory is another.
 ///
@@ -62,9 +75,11 @@ class AnySimulation {
   virtual py::dict topology() const = 0;
   virtual py::array images() const = 0;
 
-  /// Runs for a duration, or a number of steps.
-  virtual void run(std::optional<Real> duration, std::int64_t count, const std::vector<Callback>& callbacks,
-                   py::object force) = 0;
+  /// For a duration, or a number of steps. callbacks: outlive the run. Errors: InputError, UsageError, NumericalError.
+  virtual std::unique_ptr<Run> begin_run(std::optional<Real> duration, std::int64_t count,
+                                         const std::vector<Callback>& callbacks, py::object force) = 0;
+  /// Whether runs call PETSc, which serves one thread.
+  virtual bool needs_petsc() const = 0;
   virtual void stop() = 0;
   /// pressure: of the periodic box, whose size may change; none: the box is fixed.
   /// Elastic moduli at rest, without rattlers. Errors: InputError, NumericalError.
@@ -109,6 +124,7 @@ class AnySimulation {
 };
 
 void bind_simulation(py::module_& m);
+void bind_runs(py::module_& m);
 void bind_meshes(py::module_& m);
 void bind_walls(py::module_& m);
 void bind_statistics(py::module_& m);
