@@ -65,4 +65,15 @@ ssize_t read_some(int file, void* to, std::size_t most) {
     if (const ssize_t got = ::read(file, to, most); got >= 0 || errno != EINTR) return got;
 }
 
+int write_all(int file, std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t written = ::write(file, bytes.data(), bytes.size());
+    if (written >= 0)
+      bytes.remove_prefix(static_cast<std::size_t>(written));
+    else if (errno != EINTR)
+      return errno;
+  }
+  return 0;
+}
+
 }  // namespace pliant

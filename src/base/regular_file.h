@@ -21,4 +21,7 @@ int open_readable(const std::filesystem::path& path, std::string_view what);
 /// read(2), again where a signal has interrupted it. Returns the number of bytes, 0 at the end, or −1 and errno.
 ssize_t read_some(int file, void* to, std::size_t most);
 
+/// write(2) of all bytes. Returns 0, or the errno of the call that failed.
+int write_all(int file, std::string_view bytes);
+
 }  // namespace pliant

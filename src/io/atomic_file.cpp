@@ -23,19 +23,7 @@ namespace {
                     std::strerror(error));
 }
 
-/// Returns 0 or the errno of the failed call.
-int write_all(int file, std::string_view bytes) {
-  while (!bytes.empty()) {
-    const ssize_t written = ::write(file, bytes.data(), bytes.size());
-    if (written >= 0)
-      bytes.remove_prefix(static_cast<std::size_t>(written));
-    else if (errno != EINTR)
-      return errno;
-  }
-  return 0;
-}
-
-/// The same; write(file) writes the content of the new file.
+/// write(file) writes the content of the new file. Returns 0 or the errno of the failed call.
 int write_and_sync(const std::string& name, const std::function<int(int file)>& write) {
   const int file = ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
   if (file < 0) return errno;

@@ -8,12 +8,13 @@
 #include <unistd.h>
 
 #include <array>
-#include <cerrno>
 #include <csignal>
 #include <cstdint>
 #include <cstring>
+#include <string_view>
 
 #include <pliant/base/errors.h>
+#include <pliant/base/regular_file.h>
 
 namespace pliant {
 namespace {
@@ -21,8 +22,7 @@ namespace {
 /// Whether all bytes were read; false at the end of the stream.
 bool read_all(int descriptor, void* to, std::size_t count) {
   for (auto* at = static_cast<char*>(to); count > 0;) {
-    const ssize_t n = ::read(descriptor, at, count);
-    if (n < 0 && errno == EINTR) continue;
+    const ssize_t n = read_some(descriptor, at, count);
     if (n <= 0) return false;
     at += n;
     count -= static_cast<std::size_t>(n);
@@ -30,15 +30,9 @@ bool read_all(int descriptor, void* to, std::size_t count) {
   return true;
 }
 
-bool write_all(int descriptor, const void* from, std::size_t count) {
-  for (const auto* at = static_cast<const char*>(from); count > 0;) {
-    const ssize_t n = ::write(descriptor, at, count);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return false;
-    at += n;
-    count -= static_cast<std::size_t>(n);
-  }
-  return true;
+template <class T>
+std::string_view raw_bytes(const T& number) {
+  return {reinterpret_cast<const char*>(&number), sizeof number};
 }
 
 /// The work of the child until its parent closes the pipe. The child ends without the exit handlers and
@@ -47,7 +41,7 @@ bool write_all(int descriptor, const void* from, std::size_t count) {
   for (Index task = 0; read_all(tasks, &task, sizeof task);) {
     const std::string bytes = make(task);
     const std::uint64_t size = bytes.size();
-    if (!write_all(results, &size, sizeof size) || !write_all(results, bytes.data(), bytes.size())) break;
+    if (write_all(results, raw_bytes(size)) != 0 || write_all(results, bytes) != 0) break;
   }
   ::_exit(0);
 }
@@ -100,7 +94,7 @@ void Worker::swap(Worker& other) noexcept {
 
 void Worker::add(Index task) {
   waiting_.push_back(task);
-  (void)write_all(tasks_, &task, sizeof task);  // of a dead process, result() is empty
+  (void)write_all(tasks_, raw_bytes(task));  // of a dead process, result() is empty
 }
 
 std::optional<std::string> Worker::result() {

@@ -157,6 +157,7 @@ def test_minima_of_polygons_take_few_evaluations(options, tmp_path):
 def test_minimisers_find_the_same_packing(options, tmp_path):
     options = {"n": 32, "moduli": "yes", **options}
     runs = {name: pack(tmp_path / name, minimiser=name, **options).summary for name in ("lbfgs", "newton", "fire")}
+    assert all(summary["integrator"] == name for name, summary in runs.items())
     for name, s in runs.items():
         assert s["max_force"] <= 1e-12, name
         for value in ("energy", "pressure", "bulk_modulus", "shear_modulus"):

@@ -15,6 +15,9 @@
 namespace pliant {
 namespace {
 
+const std::vector<std::pair<std::string, Minimiser>> minimisers{
+    {"lbfgs", Minimiser::lbfgs}, {"newton", Minimiser::newton}, {"fire", Minimiser::fire}};
+
 std::vector<ModelDefinition> models() {
   std::vector<ModelDefinition> all;
   for (const ModelKind kind : {ModelKind::sp, ModelKind::rough, ModelKind::smooth, ModelKind::bubble})
@@ -70,11 +73,14 @@ void PackingOptions::resolve_particles() {
   }
 }
 
+std::string PackingOptions::minimiser_name() const {
+  return std::ranges::find(minimisers, minimiser, &std::pair<std::string, Minimiser>::second)->first;
+}
+
 void PackingOptions::bind_minimisation(Options& o) {
   constexpr auto fixed = OnRestart::fixed;
   o.group("Minimisation");
-  o.bind("minimiser", minimiser,
-         {{"lbfgs", Minimiser::lbfgs}, {"newton", Minimiser::newton}, {"fire", Minimiser::fire}},
+  o.bind("minimiser", minimiser, minimisers,
          {.help = "near a minimum: L-BFGS where it is faster than FIRE, Newton's method (PETSc TAO, -tao_...), or FIRE",
           .on_restart = fixed});
   o.bind("force_tolerance", force_tolerance,

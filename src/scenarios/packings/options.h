@@ -36,6 +36,8 @@ struct PackingOptions : RunOptions {
   PreStress pre_stress = PreStress::kept;
   std::optional<Real> mode_amplitude;  ///< largest displacement of a point
 
+  /// As the option has it.
+  std::string minimiser_name() const;
   /// Of the energies along modes, in ascending order; none without -mode_amplitude.
   std::vector<Real> mode_amplitudes() const;
   /// Coordinates of a particle that the stiffness of its shape leaves free; nothing for surfaces, and for polygons

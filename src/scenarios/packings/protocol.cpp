@@ -72,7 +72,7 @@ PackingProtocol<D>::PackingProtocol(const PackingOptions& p, const Ranks& ranks)
 
 template <int D>
 std::unique_ptr<Integrator> PackingProtocol<D>::make_integrator(Real) {
-  return std::make_unique<PackingSteps>([this](State& s) -> std::optional<std::int64_t> {
+  return std::make_unique<PackingSteps>(p_.minimiser_name(), [this](State& s) -> std::optional<std::int64_t> {
     const std::int64_t evaluations = evaluations_;
     const std::vector<Real> places(s.x().begin(), s.x().end());
     const std::vector<Image> images = s.images;

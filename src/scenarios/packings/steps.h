@@ -17,7 +17,9 @@ namespace pliant {
 class PackingSteps final : public Integrator {
  public:
   using Advance = std::function<std::optional<std::int64_t>(State&)>;
-  explicit PackingSteps(Advance advance) : advance_(std::move(advance)) {}
+  /// minimiser: name of the method.
+  PackingSteps(std::string minimiser, Advance advance)
+      : minimiser_(std::move(minimiser)), advance_(std::move(advance)) {}
 
   void run(SecondOrderSystem& /*system*/, State& state, Real t_end, bool /*fresh*/,
            const StepObserver& observer) override {
@@ -37,7 +39,7 @@ class PackingSteps final : public Integrator {
   }
   void check_system(const FirstOrderSystem& /*system*/) const override {}
   const IntegratorStatistics& statistics() const override { return statistics_; }
-  std::string name() const override { return "fire"; }
+  std::string name() const override { return minimiser_; }
   Real next_dt() const override { return 1; }
   bool explicit_fixed_step() const override { return false; }
   Real longest_stable_step(const FastestRates& /*rates*/) const override {
@@ -46,6 +48,7 @@ class PackingSteps final : public Integrator {
   bool first_same_as_last() const override { return false; }
 
  private:
+  std::string minimiser_;
   Advance advance_;
   IntegratorStatistics statistics_;
 };
