@@ -113,17 +113,14 @@ void reinsert(const Ranks& ranks, const Topology& topology, const Container& con
   const Vec<D> centre = point<D>(shape.centre.data(), 0);
   const Real radius = shape.radius;
 
-  struct Candidate {
-    Index particle;
-    Vec<D> centre;
-    Real radius;
+  // Calls visit(n, centre) for each other particle of this rank above the orifice.
+  const auto for_each_above = [&](auto&& visit) {
+    for (Index n = 0; n < topology.owned(); ++n) {
+      if (n == m || !topology.active[n]) continue;
+      const Vec<D> r = mean_of_points<D>(x, topology, n);
+      if (r[up] > 0) visit(n, r);
+    }
   };
-  std::vector<Candidate> bulk;  // candidates of this rank
-  for (Index n = 0; n < topology.owned(); ++n) {
-    if (n == m || !topology.active[n]) continue;
-    const Vec<D> r = mean_of_points<D>(x, topology, n);
-    if (r[up] > 0) bulk.push_back({n, r, reach<D>(topology, x, n, r)});
-  }
 
   const Vec<2> inflow = container.inflow();
   for (std::uint64_t attempt = 0; attempt < attempts; ++attempt) {
@@ -134,17 +131,18 @@ void reinsert(const Ranks& ranks, const Topology& topology, const Container& con
     Real top = 0;
     std::vector<Index> column;
     target[up] = 0;
-    for (const Candidate& c : bulk) {
-      const Vec<D> lateral = c.centre - target;
-      const Real d2 = lateral.squaredNorm() - square(lateral[up]), contact2 = square(radius + c.radius);
-      if (d2 >= contact2) continue;
-      column.push_back(c.particle);
-      const Real height = c.centre[up] + std::sqrt(contact2 - d2);
+    for_each_above([&](Index n, const Vec<D>& r) {
+      const Vec<D> lateral = r - target;
+      const Real d2 = lateral.squaredNorm() - square(lateral[up]),
+                 contact2 = square(radius + reach<D>(topology, x, n, r));
+      if (d2 >= contact2) return;
+      column.push_back(n);
+      const Real height = r[up] + std::sqrt(contact2 - d2);
       if (height > top) {
         top = height;
-        touched = c.particle;
+        touched = n;
       }
-    }
+    });
     target[up] = ranks.max(top);
     if (target[up] <= 0) continue;
     bool first_touch = top == target[up];
@@ -188,9 +186,10 @@ void reinsert(const Ranks& ranks, const Topology& topology, const Container& con
       }
     return;
   }
+  std::int64_t above = 0;
+  for_each_above([&](Index, const Vec<D>&) { ++above; });
   throw NumericalError(
-      "no free place to reinsert particle {}: {} particles are above the orifice; use {}", leaving.id,
-      ranks.sum(static_cast<std::int64_t>(bulk.size())),
+      "no free place to reinsert particle {}: {} particles are above the orifice; use {}", leaving.id, ranks.sum(above),
       cures({Cure::more_particles, Cure::narrower_orifice, Cure::wider_obstacles, Cure::no_reinsertion}));
 }
 
