@@ -10,30 +10,34 @@ import warnings
 from collections.abc import Iterable
 
 from .engine import core
-from .errors import InputError, PliantError, PliantWarning, UsageError
+from .errors import InputError, NumericalError, PliantWarning, UsageError
 from .simulation import _OPTION, Simulation, _as_keywords, _integer, _number
 
 
 def _check(simulations):
     """Errors: InputError, UsageError for simulations that cannot advance together."""
+    known = set()
     for k, simulation in enumerate(simulations):
         if not isinstance(simulation, Simulation):
             raise InputError(f"simulation {k} is {simulation!r}, which is not a Simulation; give a list of simulations")
-        if any(simulation is other for other in simulations[:k]):
+        if id(simulation) in known:
             raise InputError(f"simulation {k} is in the list twice; leave it out once")
+        known.add(id(simulation))
         if simulation.closed:
             raise UsageError(f"simulation {k} is closed; make another one, or leave it out")
-        if simulation._callbacks or simulation.force is not None:
-            raise InputError(f"simulation {k} calls functions of Python, one of every() or a force, and advance() calls none; call its "
-                             "run(), or forget() the function")
+        cure = "and advance() calls no functions of Python; call its run(), or"
+        if simulation.force is not None:
+            raise InputError(f"simulation {k} has a force function, {cure} set its force to None")
+        if simulation._callbacks:
+            raise InputError(f"simulation {k} has a callback of every(), {cure} forget() the callback")
 
 
 def _left(simulation, k, t, until):
     """The time that simulation k is to run for, or None if it has come to the end."""
     if until is None:
         return t
-    left = until - simulation.t
-    if abs(left) <= simulation.dt / 2:
+    left, half = until - simulation.t, simulation.dt / 2
+    if -half <= left < half:
         return None
     if left < 0:
         raise InputError(f"advance(until={until:g}): simulation {k} is at t = {simulation.t:g} already; give a later time")
@@ -50,14 +54,15 @@ def advance(simulations: Iterable[Simulation], t: float | None = None, until: fl
             threads: int | None = None) -> None:
     """Runs simulations for the time t, or until a time, as run() does, several at the same time: one on each of `threads` threads,
     by default as many as the process has cores. Each simulation ends in the same state, to the last bit, as after its run().
+    Simulations with `output` write their folders.
 
-    until: a simulation that is at that time already does not move, so that the call can be repeated. Output folders are written.
-    Errors: InputError, before any simulation has moved, for one with callbacks of every(), with a force function or with an
-    integrator of PETSc, because Python and PETSc compute on one thread. A simulation that fails does not stop the others: once they
-    have ended, advance() raises the error of the first one, whose `errors` has the errors by number in the list. Ctrl-C stops all
-    simulations, each after a step, at different times."""
-    if isinstance(simulations, Simulation):
-        raise InputError("advance() takes a list of simulations; give [simulation], or call its run()")
+    until: a simulation that is within half a step of this time does not move, so that the call can be repeated.
+    Errors: InputError, before any simulation has moved, for a list with a simulation that has a force function, callbacks of every()
+    or an integrator of PETSc, because Python and PETSc compute on one thread. A simulation that fails does not stop the others: when
+    they have ended, advance() raises an error of the type of the failed simulation that is first in the list; its attribute `errors`
+    has the errors of all failed simulations by number in the list. Ctrl-C stops simulations in progress after their current step."""
+    if not isinstance(simulations, Iterable):
+        raise InputError(f"simulations: {simulations!r} is not a list of simulations; give one")
     members = list(simulations)
     if (t is None) == (until is None):
         raise InputError("give advance() either the time t that it lasts, or until, the time of its end")
@@ -67,26 +72,31 @@ def advance(simulations: Iterable[Simulation], t: float | None = None, until: fl
     _check(members)
     end = _number(t, "t") if until is None else _number(until, "until")
     left = [_left(simulation, k, end, until) for k, simulation in enumerate(members)]
-    try:
-        ends = core.advance([simulation._core for simulation in members], left, most)
-    except PliantError:  # nothing has moved
-        raise
-    except BaseException as error:
-        for simulation in members:
+    ends = [None if time is None else simulation.t + time for simulation, time in zip(members, left)]
+    errors, interruption = core.advance([simulation._core for simulation in members], left, most)
+    failures, said = {}, {}
+    for k, (simulation, error, target) in enumerate(zip(members, errors, ends)):
+        if target is None and (before := simulation._core.failure):
+            error = NumericalError(before)  # of the call that brought it to this time
+        if error is not None:
             simulation._interrupted(error)
-        raise
-    errors = {k: error for k, error in enumerate(ends) if error is not None}
-    said = {}
-    for k, simulation in enumerate(members):
-        if k in errors:
-            simulation._interrupted(errors[k])
-        elif left[k] is not None:
-            simulation._core.interrupt("")
+            failures[k] = type(error)(_OPTION.sub(r"\1", str(error)))
+        elif target is not None:
+            if interruption is not None and abs(target - simulation.t) > simulation.dt / 2:
+                simulation._interrupted(interruption)
+            else:
+                simulation._core.interrupt("")
         if warning := simulation._core.take_warning():
             said[k] = _OPTION.sub(r"\1", warning)
-    if said:
-        warnings.warn(_first_of(said, len(members)), PliantWarning, stacklevel=3)
-    if errors:
-        failure = type(next(iter(errors.values())))(_first_of(errors, len(members)))
-        failure.errors = errors
-        raise failure
+    failure = None
+    if failures:
+        failure = type(next(iter(failures.values())))(_first_of(failures, len(members)))
+        failure.errors = failures
+    try:
+        if said:
+            warnings.warn(_first_of(said, len(members)), PliantWarning, stacklevel=3)
+    finally:
+        if interruption is not None:
+            raise interruption from failure
+        if failure is not None:
+            raise failure

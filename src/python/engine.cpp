@@ -21,8 +21,9 @@ PetscSession* session = nullptr;  ///< never destroyed: end_session() ends it, a
 pid_t starter = 0;                ///< process that has started PETSc
 std::optional<std::thread::id> user;
 bool running = false;
-bool ending = false;  ///< the interpreter ends
-bool forked = false;  ///< this process is a fork of the process that has started PETSc
+bool at_work = false;  ///< several simulations compute
+bool ending = false;   ///< the interpreter ends
+bool forked = false;   ///< this process is a fork of the process that has started PETSc
 
 void start_session() {
   if (session != nullptr) return;
@@ -90,6 +91,8 @@ void check_process() {
         starter);
 }
 
+bool is_fork() { return forked; }
+
 void check_signals() {
   if (PyErr_CheckSignals() != 0) throw py::error_already_set();
   check_not_ending();
@@ -100,12 +103,17 @@ EngineUse::EngineUse(Kind kind) : outermost_(!user), runs_(kind == Kind::run) {
   check_not_ending();
   if (user && *user != std::this_thread::get_id())
     throw UsageError("another thread uses the engine; use one thread at a time, or processes");
+  if (at_work)
+    throw UsageError("advance() computes, and a signal handler cannot use simulations meanwhile; set a variable there");
   if (runs_ && running)
     throw UsageError("a callback cannot start another run or minimisation; start it after the one that calls it");
   start_session();
   user = std::this_thread::get_id();
   running = running || runs_;
 }
+
+EngineAtWork::EngineAtWork() { at_work = true; }
+EngineAtWork::~EngineAtWork() { at_work = false; }
 
 EngineUse::~EngineUse() {
   if (runs_) running = false;

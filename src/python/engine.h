@@ -21,6 +21,7 @@ struct UsageError : Error {
 
 /// Errors: UsageError in a fork of the process that has started the engine.
 void check_process();
+bool is_fork();
 
 /// Permission to use the engine, from construction to destruction, both with the GIL held. PETSc and the options of a
 /// run belong to the process, so one thread has it at a time. The first permission starts PETSc and MPI. Errors:
@@ -37,6 +38,16 @@ class EngineUse {
 
  private:
   bool outermost_, runs_;
+};
+
+/// While it lives, threads of the engine compute, and no thread of Python may use the engine: also not the thread with
+/// the permission, whose signal handlers may run meanwhile. With the GIL held.
+class EngineAtWork {
+ public:
+  EngineAtWork();
+  ~EngineAtWork();
+  EngineAtWork(const EngineAtWork&) = delete;
+  EngineAtWork& operator=(const EngineAtWork&) = delete;
 };
 
 /// The first exception of a function that a run calls after a step, such as a callback, to be thrown once the engine

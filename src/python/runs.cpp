@@ -32,32 +32,48 @@ void compute_all(const std::vector<std::unique_ptr<Run>>& runs, std::size_t thre
   std::atomic<std::size_t> next = 0;
   std::mutex mutex;
   std::condition_variable ended;
-  std::size_t at_work = 0;
+  std::size_t busy = 0;
   const auto work = [&] {
     for (std::size_t k = next++; k < runs.size() && !stop; k = next++)
       if (runs[k]) runs[k]->compute(&stop);
     const std::lock_guard lock(mutex);
-    --at_work;
+    --busy;
     ended.notify_one();
   };
   std::vector<std::jthread> team;
   std::unique_lock lock(mutex);
   try {
-    for (; at_work < threads; ++at_work) team.emplace_back(work);
+    for (; busy < threads; ++busy) team.emplace_back(work);
   } catch (const std::system_error&) {
     if (team.empty()) throw MemoryError("the system could not start a thread");
   }
   constexpr auto patience = std::chrono::milliseconds(50);
-  while (!ended.wait_for(lock, patience, [&] { return at_work == 0; })) {
+  while (!ended.wait_for(lock, patience, [&] { return busy == 0; })) {
     interrupt.guard(check_signals);
     if (interrupt) stop = true;
+    if (!is_fork()) continue;  // a signal handler has forked: the process of the child has no other threads
+    for (std::jthread& thread : team) thread.detach();
+    return;
   }
 }
 
+/// The exception of Python code, as an object.
+py::object exception_of(PendingError& pending) {
+  try {
+    pending.rethrow();
+    check_signals();
+  } catch (const py::error_already_set& error) {
+    if (error.trace()) PyException_SetTraceback(error.value().ptr(), error.trace().ptr());
+    return error.value();
+  }
+  return py::none();
+}
+
 /// Runs each simulation for its duration, or not at all without one, on several threads. Returns an exception or None
-/// for each. Errors, before any simulation has moved: InputError.
-py::list advance(const std::vector<AnySimulation*>& simulations, const std::vector<std::optional<Real>>& durations,
-                 std::size_t threads) {
+/// for each, and the exception that has interrupted them all, or None. Errors, before any simulation has moved:
+/// InputError.
+py::tuple advance(const std::vector<AnySimulation*>& simulations, const std::vector<std::optional<Real>>& durations,
+                  std::size_t threads) {
   const EngineUse use(EngineUse::Kind::run);
   std::vector<std::unique_ptr<Run>> runs(simulations.size());
   std::vector<std::exception_ptr> errors(simulations.size());
@@ -65,7 +81,8 @@ py::list advance(const std::vector<AnySimulation*>& simulations, const std::vect
     if (!durations[k]) continue;
     try {
       if (simulations[k]->needs_petsc())
-        throw InputError("its integrator is one of PETSc, which computes on one thread; call run(), or use verlet");
+        throw InputError("its integrator is one of PETSc, which computes on one thread; call its run(){}",
+                         simulations[k]->inertial() ? ", or use verlet" : "");
       runs[k] = simulations[k]->begin_run(durations[k], -1, {}, py::none());
     } catch (const NumericalError&) {
       errors[k] = std::current_exception();
@@ -75,8 +92,13 @@ py::list advance(const std::vector<AnySimulation*>& simulations, const std::vect
   }
   PendingError interrupt;
   {
+    const EngineAtWork computing;
     const py::gil_scoped_release released;
     compute_all(runs, std::min(threads, runs.size()), interrupt);
+  }
+  if (is_fork()) {
+    interrupt.rethrow();
+    check_process();
   }
   py::list results;
   for (std::size_t k = 0; k < runs.size(); ++k) {
@@ -87,9 +109,7 @@ py::list advance(const std::vector<AnySimulation*>& simulations, const std::vect
     }
     results.append(errors[k] ? python_error(errors[k]) : py::none());
   }
-  interrupt.rethrow();
-  check_signals();
-  return results;
+  return py::make_tuple(results, exception_of(interrupt));
 }
 
 }  // namespace

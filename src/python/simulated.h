@@ -63,7 +63,9 @@ class Simulated final : public AnySimulation {
   std::unique_ptr<Run> begin_run(std::optional<Real> duration, std::int64_t count,
                                  const std::vector<Callback>& callbacks, py::object force) override;
   bool needs_petsc() const override { return settings_->method == Method::ts; }
+  std::string failure() const override { return failed_; }
   void stop() override {
+    const EngineUse use(EngineUse::Kind::access);
     if (running_ == nullptr) throw UsageError("stop() ends a run from its callback; this simulation is not running");
     stop_ = true;
   }

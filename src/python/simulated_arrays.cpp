@@ -46,6 +46,7 @@ py::dict Simulated<D>::counters() const {
 
 template <int D>
 py::dict Simulated<D>::topology() const {
+  const EngineUse use(EngineUse::Kind::access);
   const Topology& all = simulation().topology();
   const std::size_t n = ids_.size();
   IndexArray offset(static_cast<py::ssize_t>(n + 1)), ids(static_cast<py::ssize_t>(n));
@@ -88,6 +89,7 @@ std::optional<std::pair<std::vector<Real>, std::vector<Real>>> Simulated<D>::box
 
 template <int D>
 py::array Simulated<D>::images() const {
+  const EngineUse use(EngineUse::Kind::access);
   py::array_t<std::int64_t> all(std::vector<py::ssize_t>{static_cast<py::ssize_t>(ids_.size()), D});
   std::fill_n(all.mutable_data(), all.size(), 0);
   const State& s = simulation().state();

@@ -98,6 +98,7 @@ Array Simulated<D>::wall_forces() {
 
 template <int D>
 py::dict Simulated<D>::walls() {
+  const EngineUse use(EngineUse::Kind::access);
   check_open();
   py::list segments, radius, bodies;
   const Walls<D>& walls = simulation().particles().walls();

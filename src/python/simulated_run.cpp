@@ -16,6 +16,7 @@
 #include <pliant/run/run_control.h>
 #include <pliant/run/schedule.h>
 #include <pliant/run/surface_check.h>
+#include <pliant/ts/verlet.h>
 
 namespace pliant::python {
 namespace {
@@ -444,8 +445,11 @@ Real Simulated<D>::end_of(std::optional<Real> duration, std::int64_t count) cons
   }
   if (!(*duration > 0 && std::isfinite(*duration)))
     throw InputError("run({}): the time must be positive and finite", *duration);
-  if (settings_->method == Method::verlet && *duration < dt() / 2)
+  if (settings_->method != Method::verlet) return t() + *duration;
+  if (*duration < dt() / 2)
     throw InputError("run({:g}): the step, {:g}, is longer; call step(), or give a shorter dt", *duration, dt());
+  if (!(*duration / dt() < FixedStepVerlet::most_steps))
+    throw InputError("run({:g}): too many steps of {:g} to count; give a longer dt", *duration, dt());
   return t() + *duration;
 }
 

@@ -113,6 +113,7 @@ void bind_simulation(py::module_& m) {
       .def_property_readonly("closed", &AnySimulation::closed)
       .def_property_readonly("called_functions", &AnySimulation::called_functions)
       .def("array", &AnySimulation::array)
+      .def_property_readonly("failure", &AnySimulation::failure)
       .def("counters", &AnySimulation::counters)
       .def("take_warning", &AnySimulation::take_warning)
       .def("topology", &AnySimulation::topology)

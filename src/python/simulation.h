@@ -80,6 +80,8 @@ class AnySimulation {
                                          const std::vector<Callback>& callbacks, py::object force) = 0;
   /// Whether runs call PETSc, which serves one thread.
   virtual bool needs_petsc() const = 0;
+  /// The message of the last run, if it has failed; else empty.
+  virtual std::string failure() const = 0;
   virtual void stop() = 0;
   /// pressure: of the periodic box, whose size may change; none: the box is fixed.
   /// Elastic moduli at rest, without rattlers. Errors: InputError, NumericalError.

@@ -74,6 +74,11 @@ def test_until_can_be_repeated():
     steps = [sim.steps for sim in sims]
     advance(sims, until=0.4)
     assert [sim.steps for sim in sims] == steps
+    sims = [fluid(1, dt=2**-6), fluid(1, dt=2**-6)]
+    sims[0].run(until=2**-7)  # a tie, of which run() makes a step
+    for _ in range(2):
+        advance(sims[1:], until=2**-7)
+        assert [sim.steps for sim in sims] == [1, 1]
     advance([], 1)
 
 
@@ -91,9 +96,12 @@ def test_until_can_be_repeated():
     (lambda s: advance([*s, 3], 1), "InputError", "simulation 2 is 3, which is not a Simulation"),
     (lambda s: advance([*s, s[1]], 1), "InputError", "simulation 2 is in the list twice"),
     (lambda s: (s[1].close(), advance(s, 1)), "UsageError", "simulation 1 is closed"),
-    (lambda s: (s[1].every(1)(print), advance(s, 1)), "InputError", "simulation 1 calls functions of Python"),
-    (lambda s: (setattr(s[1], "force", print), advance(s, 1)), "InputError", "simulation 1 calls functions of Python"),
-    (lambda s: advance([*s, fluid(integrator="rk")], 1), "InputError", "simulation 2: its integrator is one of PETSc"),
+    (lambda s: advance(5, 1), "InputError", "5 is not a list"),
+    (lambda s: (s[1].every(1)(print), advance(s, 1)), "InputError", "simulation 1 has a callback of every\\(\\)"),
+    (lambda s: (setattr(s[1], "force", print), advance(s, 1)), "InputError", "simulation 1 has a force function"),
+    (lambda s: advance([*s, fluid(integrator="rk")], 1), "InputError", "simulation 2: its integrator is one of PETSc.*verlet$"),
+    (lambda s: advance([*s, Simulation([[0, 0]], 2, model="bubble")], 1), "InputError", "one of PETSc.*call its run\\(\\)$"),
+    (lambda s: advance([*s, fluid(dt=1e-19)], 1), "InputError", "simulation 2: .*too many steps"),
     (lambda s: s[0].run(1, callback=lambda _: advance(s[1:], 1)), "UsageError", "a callback cannot start"),
     (lambda s: s[0].run(1, callback=lambda _: advance(s, 1)), "UsageError", "a callback cannot start"),
     (lambda s: (s[1].positions.fill(np.nan), advance(s, 1)), "InputError", "simulation 1: .*nan"),
@@ -115,6 +123,7 @@ def test_one_that_fails_stops_no_other(tmp_path):
     with pytest.raises(pliant.NumericalError, match="^simulation 1: ") as caught:
         advance(sims, 1)
     assert list(caught.value.errors) == [1] and isinstance(caught.value.errors[1], pliant.NumericalError)
+    assert str(caught.value) == f"simulation 1: {caught.value.errors[1]}" and "(e_sp)" in str(caught.value)
     assert_same(sims[3], own)
     fails.close()
     summary = (tmp_path / "fails" / "summary.json").read_text(encoding="utf-8")
@@ -148,6 +157,84 @@ def test_a_warning_of_several():
         advance(sims, 3)
     assert len(caught) == 1 and caught[0].filename == __file__
     assert "of 4 simulations, the first is" in str(caught[0].message)
+
+
+def test_a_failure_comes_before_a_warning_that_is_an_error():
+    fails = Simulation([[0.0, 0], [3, 0]], 1, velocities=[[10, 0], [0, 0]], e_sp=1, dt=1e-2)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", pliant.PliantWarning)
+        with pytest.raises(pliant.NumericalError):
+            advance([fluid(1, e_sp=1000, dt=8e-3), fails], 3)
+
+
+def test_a_failure_at_the_end_is_there_in_the_next_call():
+    sims = [fluid(1, dt=1e-3), Simulation([[0, 0], [1.5, 0]], 1, velocities=[[2, 0], [-2, 0]], dt=0.06, e_sp=100)]
+    for _ in range(2):
+        with pytest.raises(pliant.NumericalError, match="^simulation 1: energy") as caught:
+            advance(sims, until=20.04)
+        assert list(caught.value.errors) == [1]
+
+
+INTERRUPTED = """
+import signal, json, os, numpy as np, pliant
+from pathlib import Path
+def fluid(**options):
+    box = pliant.Box.filled(np.ones(400), 0.7)
+    x = box.pack(np.ones(400))
+    return pliant.Simulation(x, 1, box=box, velocities=np.random.default_rng(1).normal(size=x.shape), dt=2e-3, zeta=0.01, **options)
+def after(seconds, handler):
+    signal.signal(signal.SIGALRM, handler)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+"""
+
+
+def test_signal_handlers_cannot_use_simulations(script):
+    script(INTERRUPTED + """
+for use in (lambda s: s.energies, lambda s: s.set(e_sp=300), lambda s: s.positions, lambda s: s.run(1), lambda s: s.stop(),
+            lambda s: s.images, lambda s: s.wall_segments, lambda s: pliant.advance([fluid()], 1)):
+    sims = [fluid(), fluid()]
+    after(0.1, lambda *_: use(sims[1]))
+    try:
+        pliant.advance(sims, 200)
+    except pliant.UsageError as error:
+        assert "advance() computes" in str(error)
+    else:
+        raise SystemExit("was not refused")
+    pliant.advance(sims, 0.1)
+""")
+
+
+def test_a_signal_handler_forks(script):
+    script(INTERRUPTED + """
+children, sims = [], [fluid() for _ in range(3)]
+after(0.1, lambda *_: children.append(os.fork()))
+try:
+    pliant.advance(sims, 20)
+except pliant.UsageError as error:
+    assert children == [0] and "fork" in str(error)
+    os._exit(7)
+assert os.waitstatus_to_exitcode(os.waitpid(children[0], 0)[1]) == 7
+""")
+
+
+def test_an_interruption_names_the_simulations_that_it_has_stopped(script, tmp_path):
+    script(INTERRUPTED + """
+fast = [pliant.Simulation([[0, 0.5], [3, 0.5]], 1, output=name, dt=2e-3) for name in ("before", "ended")]
+sims = [*fast, fluid(output="stopped"),
+        pliant.Simulation([[0.0, 0], [3, 0]], 1, velocities=[[10, 0], [0, 0]], e_sp=1, dt=1e-2, output="failed")]
+fast[0].run(40)
+after(0.1, lambda *_: signal.raise_signal(signal.SIGINT))
+try:
+    pliant.advance(sims, until=40)
+except KeyboardInterrupt as error:
+    assert list(error.__cause__.errors) == [3]
+else:
+    raise SystemExit("was not interrupted")
+for sim in sims:
+    sim.close()
+for name, status in {"before": "done", "ended": "done", "stopped": "stopped", "failed": "failed"}.items():
+    assert json.loads((Path(name) / "summary.json").read_text())["status"] == status, name
+""", cwd=tmp_path)
 
 
 def test_ctrl_c_stops_all_of_them(script, tmp_path):
