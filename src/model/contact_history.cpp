@@ -31,11 +31,17 @@ void ContactTable::accept(ContactWorkspace& workspace) {
   unlisted_ = {};
 }
 
-StoredContacts ContactTable::contacts() const {
-  StoredContacts all = unlisted_;
+void ContactTable::append_to(StoredContacts& all) const {
+  all.keys.insert(all.keys.end(), unlisted_.keys.begin(), unlisted_.keys.end());
+  all.values.insert(all.values.end(), unlisted_.values.begin(), unlisted_.values.end());
   for (std::size_t k = 0; k < keys_.size(); ++k)
     if (current_.touches[k] != 0)
       all.add(keys_[k], std::span(current_.values).subspan(k * needs_.width, static_cast<std::size_t>(needs_.width)));
+}
+
+StoredContacts ContactTable::contacts() const {
+  StoredContacts all;
+  append_to(all);
   return sorted(all, needs_.width);
 }
 
@@ -60,32 +66,45 @@ void ContactTable::end(std::size_t contact) {
   current_.touches[contact] = 0;
 }
 
-void ContactTable::assign(std::vector<ContactKey> keys) {
-  const StoredContacts known = contacts();
-  const auto width = static_cast<std::size_t>(needs_.width);
-  std::vector<bool> listed(known.keys.size());
+void ContactTable::assign(const std::vector<ContactKey>& list) {
+  auto& [known, start, rows, listed] = scratch_;
+  known.keys.clear();
+  known.values.clear();
+  append_to(known);
+  // Counting sort by the first id: a particle has few contacts.
+  Index ids = 0;
+  for (const ContactKey& key : known.keys) ids = std::max(ids, key.first + 1);
+  start.assign(static_cast<std::size_t>(ids) + 1, 0);
+  for (const ContactKey& key : known.keys) ++start[key.first];
+  std::partial_sum(start.begin(), start.end(), start.begin());
+  rows.resize(known.keys.size());
+  for (std::size_t k = known.keys.size(); k-- > 0;) rows[--start[known.keys[k].first]] = k;
+
+  keys_ = list;
   contact_of_.clear();
   if (shared()) {
-    keys_ = keys;
     std::sort(keys_.begin(), keys_.end());
     keys_.erase(std::unique(keys_.begin(), keys_.end()), keys_.end());
-    for (const ContactKey& key : keys)
+    for (const ContactKey& key : list)
       contact_of_.push_back(static_cast<Index>(std::lower_bound(keys_.begin(), keys_.end(), key) - keys_.begin()));
-  } else {
-    keys_ = std::move(keys);
   }
   current_.resize(keys_.size(), needs_.width);
+  listed.assign(known.keys.size(), 0);
   for (std::size_t e = 0; e < keys_.size(); ++e) {
-    const auto at = std::lower_bound(known.keys.begin(), known.keys.end(), keys_[e]);
-    if (at == known.keys.end() || *at != keys_[e]) continue;
-    const auto k = static_cast<std::size_t>(at - known.keys.begin());
-    listed[k] = true;
-    current_.touches[e] = 1;
-    std::ranges::copy(known.row(k, needs_.width), current_.values.begin() + static_cast<std::ptrdiff_t>(e * width));
+    const ContactKey& key = keys_[e];
+    if (key.first >= ids) continue;
+    for (std::size_t at = start[key.first]; at < start[key.first + 1]; ++at) {
+      const std::size_t k = rows[at];
+      if (known.keys[k] != key) continue;
+      listed[k] = 1;
+      if (std::exchange(current_.touches[e], std::uint8_t{1}) != 0) continue;
+      std::ranges::copy(known.row(k, needs_.width),
+                        current_.values.begin() + static_cast<std::ptrdiff_t>(e * needs_.width));
+    }
   }
   unlisted_ = {};
   for (std::size_t k = 0; k < known.keys.size(); ++k)
-    if (!listed[k]) unlisted_.add(known.keys[k], known.row(k, needs_.width));
+    if (listed[k] == 0) unlisted_.add(known.keys[k], known.row(k, needs_.width));
 }
 
 ContactHistory::ContactHistory(std::vector<HistoryNeeds> needs) {
@@ -111,7 +130,8 @@ bool ContactHistory::follow(const Topology& topology, const Walls<D>& walls, con
   version_ = neighbours.version();
   const auto id = [&](Index i) { return topology.id[topology.particle[i]]; };
   for (ContactTable& table : tables_) {
-    std::vector<ContactKey> keys;
+    std::vector<ContactKey>& keys = keys_;
+    keys.clear();
     if (table.needs().elements == Elements::points)
       for (Index i = 0; i < topology.owned_points(); ++i)
         keys.push_back({id(i), i - topology.offset[topology.particle[i]]});
@@ -119,7 +139,7 @@ bool ContactHistory::follow(const Topology& topology, const Walls<D>& walls, con
       for (const auto& [i, j] : list_of(neighbours, table.needs().elements))
         keys.push_back(table.pairs() ? ContactKey{std::min(id(i), id(j)), std::max(id(i), id(j))}
                                      : ContactKey{id(i), walls.surface_of_part(j)});
-    table.assign(std::move(keys));
+    table.assign(keys);
   }
   return true;
 }

@@ -150,12 +150,14 @@ class ContactTable {
   void forget(Index id);
   /// The list has other entries, with these keys. Contacts that are not in the list, which may belong to a trial state,
   /// are kept until the next accepted step.
-  void assign(std::vector<ContactKey> keys);
+  void assign(const std::vector<ContactKey>& list);
 
  private:
   friend class ContactWorkspace;
   /// The contact has ended.
   void end(std::size_t contact);
+  /// Contacts of this rank in any order, pairs of two chunks twice.
+  void append_to(StoredContacts& all) const;
   /// Whether several elements may be one contact.
   bool shared() const { return needs_.elements == Elements::walls; }
   std::size_t contact_of(Index e) const {
@@ -168,6 +170,13 @@ class ContactTable {
   ContactNumbers current_;
   std::vector<Real> heat_;  ///< [losses]
   StoredContacts unlisted_;
+  /// Memory of assign(), which is called often.
+  struct Scratch {
+    StoredContacts known;
+    std::vector<std::size_t> start;  ///< first row of each id in `rows`
+    std::vector<std::size_t> rows;   ///< of `known`, by the first id of their keys
+    std::vector<std::uint8_t> listed;
+  } scratch_;
 };
 
 /// The arrays that force evaluations write for one term with contact history: the next history, which is valid if the
@@ -286,7 +295,8 @@ class ContactHistory {
 
  private:
   std::vector<ContactTable> tables_;
-  std::int64_t version_ = -1;  ///< of the lists
+  std::vector<ContactKey> keys_;  ///< memory of follow()
+  std::int64_t version_ = -1;     ///< of the lists
 };
 
 /// The workspaces of all terms of a model that have a contact history. A force evaluation gets them next to its
