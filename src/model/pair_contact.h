@@ -72,11 +72,10 @@ struct PairContact {
   void add_gradient(const StateView<D>& s, Index e, G& grad) const {
     const auto [i, j] = s.neighbours.point_pairs[e];
     const Vec<D> r = s.position(i) - s.position(j);
-    const Overlap v = overlap(s, i, j);
     const Real d2 = r.squaredNorm();
-    if (d2 >= square(v.delta) || d2 == 0) return;
+    if (d2 >= square(range(s, i, j)) || d2 == 0) return;
     const Real d = std::sqrt(d2);
-    const Vec<D> pull = v.slope(d) / d * r;
+    const Vec<D> pull = overlap(s, i, j).slope(d) / d * r;
     grad.add(i, pull);
     grad.add(j, -pull);
   }
@@ -121,9 +120,10 @@ struct PairContact {
   }
 
  private:
-  Overlap overlap(const StateView<D>& s, Index i, Index j) const {
-    return {law, epsilon, (s.topology.diameter[i] + s.topology.diameter[j]) / 2};
+  static Real range(const StateView<D>& s, Index i, Index j) {
+    return (s.topology.diameter[i] + s.topology.diameter[j]) / 2;
   }
+  Overlap overlap(const StateView<D>& s, Index i, Index j) const { return {law, epsilon, range(s, i, j)}; }
 };
 
 }  // namespace pliant

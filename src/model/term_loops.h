@@ -208,11 +208,12 @@ class TermLoops {
     with_energies(term, s, [&](auto&& energy) { for_each_element(s, chunk, [&](Index e) { sum += energy(e); }); });
     return sum;
   }
-  /// The virial of a chunk. Errors: InputError for a term whose forces depend on contact history.
+  /// The virial of a chunk, which minimisations at a pressure need as often as the forces. Errors: InputError for a
+  /// term whose forces depend on contact history.
   [[gnu::noinline]] static Mat<D> virial(const T& term, const View& s, Index chunk) {
     VirialSum<D> gradients{s.x};
     if constexpr (is_energy && !has_torque<T>)
-      for_each_element(s, chunk, [&](Index e) { add_virial(term, s, e, gradients); });
+      for_each_element(s, chunk, [&](Index e) { term.add_gradient(s, e, gradients); });
     else
       throw InputError("the term {} has no virial: its forces depend on more than positions", term.name());
     return gradients.sum;
