@@ -368,6 +368,7 @@ void Simulated<D>::start_watches() {
     if (deformable()) outlines_.start(simulation_->particles(), simulation_->state());
   if constexpr (D == 3)
     if (deformable()) check_surfaces_hold();
+  walls_.have_inertia(!overdamped());
   walls_.allow_overlaps(settings_->allow_passing_overlap, ", or accept it with -allow_passing_overlap");
   walls_.start(simulation_->particles(), simulation_->state());
 }

@@ -1,17 +1,27 @@
 #include <pliant/run/overlap_check.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include <pliant/model/crossing.h>
 
 namespace pliant {
 
 template <int D>
-PassingPair nearest_passing_pair(const StateView<D>& s) {
+PassingPair nearest_passing_pair(const StateView<D>& s, Real h) {
   PassingPair nearest;
   for (const auto& [i, j] : s.neighbours.point_pairs) {
-    const Real contact = (s.topology.diameter[i] + s.topology.diameter[j]) / 2,
-               d = (s.position(i) - s.position(j)).norm(), gap = d - (1 - passing_overlap) * contact;
+    const Vec<D> r = s.position(i) - s.position(j);
+    Real d2 = r.squaredNorm();
+    if (h > 0) {
+      const Vec<D> way = h * (s.velocity(i) - s.velocity(j));
+      if (const Real along = r.dot(way); along > 0) {  // they were nearer
+        const Real part = std::min(along / way.squaredNorm(), Real(1));
+        d2 = std::min(d2, (r - part * way).squaredNorm());
+      }
+    }
+    const Real contact = (s.topology.diameter[i] + s.topology.diameter[j]) / 2, d = std::sqrt(d2),
+               gap = d - (1 - passing_overlap) * contact;
     if (gap < nearest.gap) nearest = {gap, {i, j}, 1 - d / contact};
   }
   return nearest;
@@ -56,8 +66,8 @@ Real check_walls_hold(const StateView<D>& s, Real dt, const Ranks& ranks, const 
   return ranks.max(largest);
 }
 
-template PassingPair nearest_passing_pair<2>(const StateView<2>&);
-template PassingPair nearest_passing_pair<3>(const StateView<3>&);
+template PassingPair nearest_passing_pair<2>(const StateView<2>&, Real);
+template PassingPair nearest_passing_pair<3>(const StateView<3>&, Real);
 template Real check_walls_hold<2>(const StateView<2>&, Real, const Ranks&, const std::string&);
 template Real check_walls_hold<3>(const StateView<3>&, Real, const Ranks&, const std::string&);
 

@@ -22,9 +22,11 @@ struct PassingPair {
   Real overlap = 0;
 };
 
-/// The pair in the neighbour list with the smallest gap. For disks, spheres and droplets. s: with valid lists.
+/// The pair in the neighbour list with the smallest gap, now or in the step of length h that ends here: with its
+/// velocities at the end, as if the particles had moved on straight lines. For disks, spheres and droplets. s: with
+/// valid lists.
 template <int D>
-PassingPair nearest_passing_pair(const StateView<D>& s);
+PassingPair nearest_passing_pair(const StateView<D>& s, Real h = 0);
 
 /// The error of point i at a distance d < 0 from a wall: its centre is within a solid or a disk.
 NumericalError within_wall(const Topology& topology, Index i, Index wall, Real d, const std::string& cure);

@@ -29,12 +29,12 @@ bool PassageWatch<D>::watches_pairs(const ParticleSystem<D>& system) const {
 }
 
 template <int D>
-Real PassageWatch<D>::look_at_pairs(ParticleSystem<D>& system, const State& s) const {
+Real PassageWatch<D>::look_at_pairs(ParticleSystem<D>& system, const State& s, Real h) const {
   const StateView<D> view = system.view(s.x().data(), s.v().data(), s.t);
   const Topology& topology = view.topology;
   Real least = std::numeric_limits<Real>::infinity();  // contact distance
   for (Index i = 0; i < topology.owned_points(); ++i) least = std::min(least, topology.diameter[i]);
-  const PassingPair nearest = nearest_passing_pair(view);
+  const PassingPair nearest = nearest_passing_pair(view, h);
   if (nearest.gap < 0) {
     const auto [first, second] = std::minmax(topology.id[nearest.points.first], topology.id[nearest.points.second]);
     throw NumericalError(
@@ -48,12 +48,15 @@ template <int D>
 void PassageWatch<D>::start(ParticleSystem<D>& system, const State& s) {
   if (!walls_act(system) && !watches_pairs(system)) return;
   reference_.clear();
-  look(system, s, 0);
+  last_t_ = s.t;
+  look(system, s, 0, 0);
 }
 
 template <int D>
 void PassageWatch<D>::after_step(ParticleSystem<D>& system, const State& s) {
   if (!walls_act(system) && !watches_pairs(system)) return;
+  const Real h = inertia_ ? s.t - last_t_ : 0;
+  last_t_ = s.t;
   const auto points = static_cast<std::size_t>(system.topology().owned_points());
   const Real* const x = s.x().data();
   Real walls = system.walls().moved(t_, s.t, [&](const Vec<D>& from) {
@@ -67,11 +70,11 @@ void PassageWatch<D>::after_step(ParticleSystem<D>& system, const State& s) {
   if (moved + walls < gap_)
     system.passages_checked(moved);
   else
-    look(system, s, moved + walls);
+    look(system, s, moved + walls, h);
 }
 
 template <int D>
-void PassageWatch<D>::look(ParticleSystem<D>& system, const State& s, Real moved) {
+void PassageWatch<D>::look(ParticleSystem<D>& system, const State& s, Real moved, Real h) {
   const Walls<D>& walls = system.walls();
   const Topology& topology = system.topology();
   const Neighbours<D>& lists = system.neighbours();
@@ -102,7 +105,7 @@ void PassageWatch<D>::look(ParticleSystem<D>& system, const State& s, Real moved
           t_, s.t, cures_of_passage());
   };
   system.ranks().together([&] {
-    if (watches_pairs(system)) gap_ = std::min(gap_, look_at_pairs(system, s));
+    if (watches_pairs(system)) gap_ = std::min(gap_, look_at_pairs(system, s, h));
     if (!walls_act(system)) return;
     if (own) {
       std::vector<Index> near;

@@ -17,9 +17,10 @@ namespace pliant {
 /// of steps. A point has crossed a segment if its path since the last check, as the moving wall sees it, meets the
 /// segment; so a particle may be on either side of a wall at the start. A point that crosses and returns within a
 /// single step is not found. The watch reads the neighbour lists and never rebuilds them, so it changes no number of a
-/// run. Disks, spheres and droplets have passed through each other where they overlap by more than passing_overlap; of
-/// polygons CrossingWatch finds this. All functions are collective. Errors: NumericalError on all ranks, which
-/// names particles, wall and cures.
+/// run. Disks, spheres and droplets have passed through each other where they overlap by more than passing_overlap,
+/// with inertia also where they have done so in the course of a step, on straight lines; of polygons CrossingWatch
+/// finds this. All functions are collective. Errors: NumericalError on all ranks, which names particles, wall and
+/// cures.
 template <int D>
 class PassageWatch {
  public:
@@ -28,23 +29,26 @@ class PassageWatch {
     overlaps_allowed_ = allowed;
     advice_ = std::move(advice);
   }
+  /// Without inertia velocities are not part of the state.
+  void have_inertia(bool inertia) { inertia_ = inertia; }
   /// To be called before the first step, and after particles or walls were placed elsewhere or particles reordered.
   void start(ParticleSystem<D>& system, const State& s);
   /// After every step.
   void after_step(ParticleSystem<D>& system, const State& s);
 
  private:
-  /// moved: upper bound of the motion of a point relative to a wall since the last check.
-  void look(ParticleSystem<D>& system, const State& s, Real moved);
+  /// moved: upper bound of the motion of a point relative to a wall since the last check. h: length of the last step.
+  void look(ParticleSystem<D>& system, const State& s, Real moved, Real h);
 
   bool watches_pairs(const ParticleSystem<D>& system) const;
   /// Half the distance that any two particles may approach. Errors: NumericalError.
-  Real look_at_pairs(ParticleSystem<D>& system, const State& s) const;
+  Real look_at_pairs(ParticleSystem<D>& system, const State& s, Real h) const;
 
-  bool overlaps_allowed_ = false;
+  bool overlaps_allowed_ = false, inertia_ = true;
   std::string advice_;
   Real gap_ = 0;                 ///< nothing can pass before a point has moved by this, relative to walls
   Real t_ = 0;                   ///< time of the last check
+  Real last_t_ = 0;              ///< time of the last step
   std::vector<Real> reference_;  ///< positions of the own points then
 };
 

@@ -1117,6 +1117,21 @@ def test_particles_that_pass_through_each_other_end_the_run(dim, integrator):
     assert free.positions[0, 0] > free.positions[1, 0]
 
 
+@pytest.mark.parametrize("box", [None, (8, 8)])
+@pytest.mark.parametrize("e_sp, speed, dt", [(1, 10, 0.05), (100, 10, None)])
+def test_particles_that_pass_through_each_other_within_a_step_end_the_run(box, e_sp, speed, dt):
+    """They never overlap by 95 % at the end of a step, whose energy is conserved to some percent."""
+    x = [[-0.51, 1], [0.57, 1]] if box is None else [[7.49, 1], [0.57, 1]]
+    def collide(**options):
+        return Simulation(x, 1, velocities=[[speed, 0], [-speed, 0]], e_sp=e_sp, dt=dt, box=box, **options)
+    with pytest.raises(pliant.NumericalError, match=r"particles 0 and 1 overlap by (0\.9[5-9]\d*|1) of their contact distance"):
+        collide().run(0.4)
+    free = collide(allow_passing_overlap=True)
+    overlaps = []
+    free.run(0.4, callback=lambda sim: overlaps.extend(sim.contacts["overlap"]))
+    assert free.velocities[0, 0] > 0 and 0 < max(overlaps) < 0.95
+
+
 def test_particles_that_pass_each_other_across_a_periodic_border_end_the_run():
     sim = Simulation([[0.2, 1], [3.5, 1]], 1, velocities=[[-10, 0], [0, 0]], e_sp=1, dt=1e-3, box=(4, 4))
     with pytest.raises(pliant.NumericalError, match="particles 0 and 1 overlap by 0.9"):
