@@ -356,7 +356,7 @@ def test_restart_goes_on_with_the_same_bits(tmp_path):
     made = pack(part, pressure=1e-3, model="rough", n=4, n_vertices=8, start_pressure=1e-2).summary["steps"]
     result = pliant("pack", restart=part, pressure=1e-4)
     assert result.returncode == 0, result.stderr
-    assert f"\nfire; output in {part}\ncontinuing after step {made}\n" in result.stdout and " t = " not in result.stdout
+    assert f"\nlbfgs; output in {part}\ncontinuing after step {made}\n" in result.stdout and " t = " not in result.stdout
     assert_same_runs(whole, Results(part))
 
 

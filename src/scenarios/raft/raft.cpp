@@ -155,7 +155,11 @@ class RaftProtocol final : public DropletProtocol {
   }
 
   bool follow() override {
-    std::vector<Bond> now = find_bonds();
+    // In most steps neither the list nor a bond changes: then nothing is to be sorted.
+    find_listed_bonds(next_listed_);
+    if (next_listed_ == listed_) return false;
+    listed_.swap(next_listed_);
+    std::vector<Bond> now = in_order(listed_);
     if (now != bonds_) {
       record(bonds_, now, true);
       record(now, bonds_, false);
@@ -220,14 +224,23 @@ class RaftProtocol final : public DropletProtocol {
   Real distance(Real t) const { return raft_.start + raft_.velocity * t; }
   Real time_of_end() const { return (raft_.end - raft_.start) / raft_.velocity; }
 
-  /// Pairs in the range of the attraction, sorted.
-  std::vector<Bond> find_bonds() {
-    std::vector<Bond> bonds;
+  /// Pairs in the range of the attraction, in the order of the neighbour list.
+  void find_listed_bonds(std::vector<Bond>& bonds) {
+    bonds.clear();
     particles().field().for_each_contact(view(), [&](const Contact<2>& c) {
       bonds.push_back({std::min(c.first, c.second), std::max(c.first, c.second)});
     });
+  }
+
+  static std::vector<Bond> in_order(std::vector<Bond> bonds) {
     std::sort(bonds.begin(), bonds.end());
     return bonds;
+  }
+
+  /// The present bonds, sorted.
+  std::vector<Bond> find_bonds() {
+    find_listed_bonds(listed_);
+    return in_order(listed_);
   }
 
   /// The bonds that only `some` has and `others` has not are events.
@@ -249,6 +262,7 @@ class RaftProtocol final : public DropletProtocol {
   const RaftOptions& p_;
   Raft raft_;
   std::vector<Bond> bonds_;
+  std::vector<Bond> listed_, next_listed_;  ///< `bonds_` in the order of the list, and memory for those of a step
   std::int64_t broken_ = 0, formed_ = 0;
   Index rows_ = 0;
 };
