@@ -400,6 +400,7 @@ def test_threads_change_nothing(tmp_path):
     ({"pressure": 1}, "-start_pressure"), ({"fraction": 0}, "-fraction"), ({"n": 0}, "-n"),
     ({"n_vertices": 8}, "-n_vertices"), ({"mesh": "a.off"}, "a.off"),
     ({"model": "rough", "shape_parameter": 0.5}, "-shape_parameter 0.5"),
+    ({"fraction": 3}, "-fraction 3"), ({"model": "rough", "fraction": 1.01}, "begin with a lower fraction"),
     ({"path": "quench", "pressure": 1e-3}, "-pressure"), ({"path": "compress", "start_pressure": 1e-2}, "-start_pressure"),
     ({"path": "compress", "fraction": 0.95}, "there is nothing to compress"), ({"ensemble_workers": 2}, "give -ensemble"),
     ({"fraction_step": 1e-3}, "-path decompress, which does not read it"),
