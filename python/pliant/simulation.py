@@ -106,15 +106,19 @@ class _Fixed:
 _OPTION = re.compile(r"(?<![^\s('])-(?!inf\b|nan\b|help\b)([A-Za-z]\w*)")
 
 
+def _keywords(text):
+    """A message of the engine, which names options as on the command line, with keywords."""
+    return _OPTION.sub(r"\1", text.replace("-help lists all options", "help(pliant.Simulation) lists them"))
+
+
 def _as_keywords(function):
-    """Messages of the engine name options as on the command line; here they are keywords."""
+    """Messages of errors name keywords instead of options."""
     @functools.wraps(function)
     def call(*args, **keywords):
         try:
             return function(*args, **keywords)
         except PliantError as error:
-            text = str(error).replace("-help lists all options", "help(pliant.Simulation) lists them")
-            error.args = (_OPTION.sub(r"\1", text), *error.args[1:])
+            error.args = (_keywords(str(error)), *error.args[1:])
             raise
 
     return call
@@ -764,7 +768,7 @@ class Simulation(_Fixed):
             raise
         self._core.interrupt("")
         if warning := self._core.take_warning():
-            warnings.warn(_OPTION.sub(r"\1", warning), PliantWarning, stacklevel=4)
+            warnings.warn(_keywords(warning), PliantWarning, stacklevel=4)
 
     def every(self, interval: float | None = None) -> Callable[[Callable], Callable]:
         """Decorator: the function is called in all runs from now on, once per interval, or after every step."""

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 
 from .engine import core
 from .errors import InputError, NumericalError, PliantWarning, UsageError
-from .simulation import _OPTION, Simulation, _as_keywords, _integer, _number
+from .simulation import Simulation, _as_keywords, _integer, _keywords, _number
 
 
 def _check(simulations):
@@ -80,14 +80,14 @@ def advance(simulations: Iterable[Simulation], t: float | None = None, until: fl
             error = NumericalError(before)  # of the call that brought it to this time
         if error is not None:
             simulation._interrupted(error)
-            failures[k] = type(error)(_OPTION.sub(r"\1", str(error)))
+            failures[k] = type(error)(_keywords(str(error)))
         elif target is not None:
             if interruption is not None and abs(target - simulation.t) > simulation.dt / 2:
                 simulation._interrupted(interruption)
             else:
                 simulation._core.interrupt("")
         if warning := simulation._core.take_warning():
-            said[k] = _OPTION.sub(r"\1", warning)
+            said[k] = _keywords(warning)
     failure = None
     if failures:
         failure = type(next(iter(failures.values())))(_first_of(failures, len(members)))

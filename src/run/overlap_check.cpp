@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <pliant/geometry/distance.h>
 #include <pliant/model/crossing.h>
 
 namespace pliant {
@@ -12,15 +13,10 @@ PassingPair nearest_passing_pair(const StateView<D>& s, Real h) {
   PassingPair nearest;
   for (const auto& [i, j] : s.neighbours.point_pairs) {
     const Vec<D> r = s.position(i) - s.position(j);
-    Real d2 = r.squaredNorm();
-    if (h > 0) {
-      const Vec<D> way = h * (s.velocity(i) - s.velocity(j));
-      if (const Real along = r.dot(way); along > 0) {  // they were nearer
-        const Real part = std::min(along / way.squaredNorm(), Real(1));
-        d2 = std::min(d2, (r - part * way).squaredNorm());
-      }
-    }
-    const Real contact = (s.topology.diameter[i] + s.topology.diameter[j]) / 2, d = std::sqrt(d2),
+    Vec<D> before_step = r;
+    if (h > 0) before_step -= h * (s.velocity(i) - s.velocity(j));
+    const Real d = std::sqrt(foot_on_segment<D>(Vec<D>::Zero(), before_step, r).d2),
+               contact = (s.topology.diameter[i] + s.topology.diameter[j]) / 2,
                gap = d - (1 - passing_overlap) * contact;
     if (gap < nearest.gap) nearest = {gap, {i, j}, 1 - d / contact};
   }

@@ -48,8 +48,8 @@ class PassageWatch {
   std::string advice_;
   Real gap_ = 0;                 ///< nothing can pass before a point has moved by this, relative to walls
   Real t_ = 0;                   ///< time of the last check
-  Real last_t_ = 0;              ///< time of the last step
   std::vector<Real> reference_;  ///< positions of the own points then
+  Real last_t_ = 0;              ///< time of the last step
 };
 
 }  // namespace pliant

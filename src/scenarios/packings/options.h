@@ -36,7 +36,7 @@ struct PackingOptions : RunOptions {
   PreStress pre_stress = PreStress::kept;
   std::optional<Real> mode_amplitude;  ///< largest displacement of a point
 
-  /// As the option has it.
+  /// The value of the option -minimiser.
   std::string minimiser_name() const;
   /// Of the energies along modes, in ascending order; none without -mode_amplitude.
   std::vector<Real> mode_amplitudes() const;

@@ -155,7 +155,7 @@ class RaftProtocol final : public DropletProtocol {
   }
 
   bool follow() override {
-    // In most steps neither the list nor a bond changes: then nothing is to be sorted.
+    // In most steps neither the list nor a bond changes: then follow() sorts nothing.
     find_listed_bonds(next_listed_);
     if (next_listed_ == listed_) return false;
     listed_.swap(next_listed_);
@@ -262,7 +262,8 @@ class RaftProtocol final : public DropletProtocol {
   const RaftOptions& p_;
   Raft raft_;
   std::vector<Bond> bonds_;
-  std::vector<Bond> listed_, next_listed_;  ///< `bonds_` in the order of the list, and memory for those of a step
+  std::vector<Bond> listed_;       ///< the same bonds in the order of the neighbour list
+  std::vector<Bond> next_listed_;  ///< memory of follow(), for the bonds after a step
   std::int64_t broken_ = 0, formed_ = 0;
   Index rows_ = 0;
 };
