@@ -1,5 +1,6 @@
 #include <pliant/kernels/arrays.h>
 
+#include <pliant/base/multiversion.h>
 #include <pliant/kernels/finite.h>
 
 namespace pliant {
@@ -20,6 +21,10 @@ Real dot(const Real* a, const Real* b, std::size_t n) {
   Real sum = 0;
   for (std::size_t i = 0; i < n; ++i) sum += a[i] * b[i];
   return sum;
+}
+
+PLIANT_MULTIVERSION void subtract(const Real* a, const Real* b, std::size_t n, Real* __restrict__ difference) {
+  for (std::size_t i = 0; i < n; ++i) difference[i] = a[i] - b[i];
 }
 
 }  // namespace pliant

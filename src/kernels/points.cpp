@@ -39,6 +39,9 @@ PLIANT_INLINE bool scale(const Index* offset, const Real* values, Index first, I
   return check.all_finite();
 }
 
+PLIANT_MULTIVERSION bool scale_1d(const Index* offset, const Real* values, Index first, Index last, Real* f) {
+  return scale<1>(offset, values, first, last, f);
+}
 PLIANT_MULTIVERSION bool scale_2d(const Index* offset, const Real* values, Index first, Index last, Real* f) {
   return scale<2>(offset, values, first, last, f);
 }
@@ -54,11 +57,15 @@ void set_points(const Index* offset, const Real* values, Index first, Index last
 }
 template <int D>
 bool scale_points(const Index* offset, const Real* values, Index first, Index last, Real* f) {
-  return D == 2 ? scale_2d(offset, values, first, last, f) : scale_3d(offset, values, first, last, f);
+  if constexpr (D == 1)
+    return scale_1d(offset, values, first, last, f);
+  else
+    return D == 2 ? scale_2d(offset, values, first, last, f) : scale_3d(offset, values, first, last, f);
 }
 
 template void set_points<2>(const Index*, const Real*, Index, Index, const Vec<2>&, Real*);
 template void set_points<3>(const Index*, const Real*, Index, Index, const Vec<3>&, Real*);
+template bool scale_points<1>(const Index*, const Real*, Index, Index, Real*);
 template bool scale_points<2>(const Index*, const Real*, Index, Index, Real*);
 template bool scale_points<3>(const Index*, const Real*, Index, Index, Real*);
 

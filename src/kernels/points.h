@@ -10,7 +10,7 @@ namespace pliant {
 template <int D>
 void set_points(const Index* offset, const Real* values, Index first, Index last, const Vec<D>& g, Real* f);
 
-/// f_i ← values[m] f_i. Returns whether all results are finite.
+/// f_i ← values[m] f_i. Returns whether all results are finite. f [points · D]; D = 1 for numbers.
 template <int D>
 bool scale_points(const Index* offset, const Real* values, Index first, Index last, Real* f);
 

@@ -12,7 +12,6 @@
 #include <stdexcept>
 #include <string>
 
-#include <pliant/kernels/finite.h>
 #include <pliant/kernels/points.h>
 #include <pliant/model/chunks.h>
 
@@ -323,11 +322,10 @@ bool TermSum<D>::divide_by_masses(const StateView<D>& s, Index chunk, Real* a) c
   const bool finite =
       scale_points<D>(topology.offset.data(), topology.inverse_point_mass.data(), own.first, own.last, a);
   if (!this->rotates()) return finite;
-  FiniteCheck check;
-  Real* alpha = torques_in(s, a) + static_cast<std::size_t>(own.first) * rotations<D>;
-  for (Index m = own.first; m < own.last; ++m)  // particles that rotate have one point each
-    for (int k = 0; k < rotations<D>; ++k) check.add(*alpha++ *= topology.inverse_inertia[m]);
-  return finite && check.all_finite();
+  // Particles that rotate have one point each.
+  return scale_points<rotations<D>>(topology.offset.data(), topology.inverse_inertia.data(), own.first, own.last,
+                                    torques_in(s, a)) &&
+         finite;
 }
 
 template class TermSum<2>;

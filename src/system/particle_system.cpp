@@ -9,6 +9,7 @@
 #include <pliant/base/cure.h>
 #include <pliant/base/log.h>
 #include <pliant/geometry/walls_in_box.h>
+#include <pliant/kernels/arrays.h>
 #include <pliant/model/polygon.h>
 
 namespace pliant {
@@ -434,7 +435,7 @@ void ParticleSystem<D>::add_turns(StateView<D>& s, bool relisted) {
     halo_.update_rotations(std::vector<Real>(accepted_angles_).data(), accepted_angles_);
   }
   turns_.resize(all);
-  for (std::size_t k = 0; k < all; ++k) turns_[k] = s.angles[k] - accepted_angles_[k];
+  subtract(s.angles, accepted_angles_.data(), all, turns_.data());
   s.turns = turns_.data();
 }
 

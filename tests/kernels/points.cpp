@@ -1,8 +1,10 @@
-// Passes over the points of particles, against the same point by point.
+// Passes over arrays and over the points of particles, against the same number by number.
+#include <pliant/kernels/arrays.h>
 #include <pliant/kernels/points.h>
 
 #include <catch2/catch.hpp>
 #include <limits>
+#include <vector>
 
 #include <pliant/model/topology.h>
 
@@ -45,6 +47,22 @@ TEMPLATE_TEST_CASE_SIG("points are set and scaled by a value of their particle",
             scale_points<D>(topology.offset.data(), topology.inverse_point_mass.data(), first, last, strange.data()));
       }
   }
+}
+
+TEST_CASE("numbers of particles of one point are scaled") {
+  const std::vector<Index> offset{0, 1, 2, 3, 4};
+  const std::vector<Real> values{2, 3, 5, 7};
+  std::vector<Real> f{1, 1, 1, 1};
+  CHECK(scale_points<1>(offset.data(), values.data(), 1, 3, f.data()));
+  CHECK(f == std::vector<Real>{1, 3, 5, 1});
+  f[2] = std::numeric_limits<Real>::infinity();
+  CHECK_FALSE(scale_points<1>(offset.data(), values.data(), 1, 3, f.data()));
+}
+
+TEST_CASE("arrays are subtracted") {
+  std::vector<Real> difference{0, 0, 0, 9};
+  subtract(std::vector<Real>{5, 7, 9}.data(), std::vector<Real>{1, 2, 3}.data(), 3, difference.data());
+  CHECK(difference == std::vector<Real>{4, 5, 6, 9});
 }
 
 }  // namespace pliant::test::points_test
