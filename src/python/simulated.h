@@ -147,6 +147,8 @@ class Simulated final : public AnySimulation {
   void mark_changed() {
     simulation_->changed();
     fresh_ = true;
+    looked_at_.reset();
+    watches_ = false;
     function_power_.reset();
     field_->start_power();
   }
@@ -218,6 +220,8 @@ class Simulated final : public AnySimulation {
   /// Errors: NumericalError for a particle within a wall or crossed by one, and where steps are fixed for one that goes
   /// so far in a step that it may meet nothing.
   void check_walls(Real step);
+  /// Whether the last check_walls() was so many steps ago, or before a change.
+  bool looks_after(std::int64_t count) const { return !looked_at_ || std::abs(steps() - *looked_at_) >= count; }
   Real end_of(std::optional<Real> duration, std::int64_t count) const;
 
   // --- Arrays
@@ -256,8 +260,10 @@ class Simulated final : public AnySimulation {
   std::unique_ptr<RunOutput<D>> output_;
   std::string failed_;  ///< message of a run that failed
   std::optional<EnergyAudit<D>> audit_;
-  std::int64_t judged_at_ = 0;  ///< step at which the energy was judged last
-  std::string warning_;         ///< of the energy audit, until it is taken
+  std::int64_t judged_at_ = 0;             ///< step at which the energy was judged last
+  bool watches_ = false;                   ///< start_watches() knows the present state
+  std::optional<std::int64_t> looked_at_;  ///< step of the last check_walls(); none after a change
+  std::string warning_;                    ///< of the energy audit, until it is taken
   bool warned_ = false;
   CrossingWatch outlines_;
   PassageWatch<D> walls_;

@@ -204,11 +204,15 @@ class Simulated<D>::Running final : public Run {
       for (bool more = true; more;) {
         if (function) function->keep(of.simulation_->state());
         of.fresh_ = false;
+        if (of.simulation_->wants_sorting()) {  // due since the end of the last call
+          sort();
+          after_change();
+        }
         of.simulation_->advance(end_t, [&](State&) { return after_step(); });
         more = apply_deferred();
       }
       if (!error) {
-        of.check_walls(step);
+        if (of.looks_after(steps_between_ends)) of.check_walls(step);
         of.judge_energy();
       }
       if (function && !error) of.simulation_->find_velocities();  // with the function, which ends with the run
@@ -216,6 +220,7 @@ class Simulated<D>::Running final : public Run {
       failure = std::current_exception();
     }
     if (failure) of.mark_changed();  // the integrator may have stopped in the middle of a step
+    if (error) of.watches_ = false;
     if (function && function->failed()) function->restore(*of.simulation_);
   }
 
@@ -274,7 +279,7 @@ class Simulated<D>::Running final : public Run {
       after_change();
     }
     if (function) function->keep(simulation.state());
-    if (!error && steps++ % 128 == 0) error.keep([&] { of.check_walls(step); });
+    if (!error && of.looks_after(steps_between_looks)) error.keep([&] { of.check_walls(step); });
     ended = ends || error;
     const bool sorted = !stops && !error && !changed && simulation.wants_sorting();
     if (sorted) sort();
@@ -330,8 +335,9 @@ class Simulated<D>::Running final : public Run {
   std::unique_ptr<ForceFunction> function;
   const std::atomic<bool>* stop_all = nullptr;
   Real end_t;
+  /// Checks of walls and passing particles: within calls, and where calls end, which may be after each step.
+  static constexpr std::int64_t steps_between_looks = 128, steps_between_ends = 8;
   std::int64_t left;  ///< steps; −1: no limit
-  std::int64_t steps = 0;
   Real last_t, step = 0;
   bool ended = false;
   PendingError error;
@@ -359,7 +365,7 @@ std::unique_ptr<Run> Simulated<D>::begin_run(std::optional<Real> duration, std::
 template <int D>
 void Simulated<D>::prepare() {
   if (settings_->method == Method::ts) settings_->restore();
-  start_watches();
+  if (!watches_) start_watches();
 }
 
 template <int D>
@@ -371,6 +377,7 @@ void Simulated<D>::start_watches() {
   walls_.have_inertia(!overdamped());
   walls_.allow_overlaps(settings_->allow_passing_overlap, ", or accept it with -allow_passing_overlap");
   walls_.start(simulation_->particles(), simulation_->state());
+  watches_ = true;
 }
 
 template <int D>
@@ -388,6 +395,7 @@ void Simulated<D>::check_surfaces_hold() requires(D == 3) {
 
 template <int D>
 void Simulated<D>::check_walls(Real step) {
+  looked_at_ = steps();
   simulation_->find_velocities();
   const StateView<D> s = simulation_->view();
   const bool judged = simulation_->integrator().explicit_fixed_step() && !settings_->allow_unstable_dt;

@@ -348,6 +348,34 @@ def test_runs_in_parts_and_with_callbacks_are_the_same_bit_for_bit():
     assert (threads.positions == whole.positions).all()
 
 
+@pytest.mark.parametrize("model", ["sp", "disk", "rough"])
+def test_steps_one_by_one_are_the_same_bit_for_bit(model):
+    """Particles are sorted, and the skin of the lists is chosen, at the same steps."""
+    rng = np.random.default_rng(3)
+    x = np.stack(np.meshgrid(np.arange(6), np.arange(6)), axis=-1).reshape(-1, 2) * 1.2
+    rng.shuffle(x)
+    v = rng.normal(0, 0.5, x.shape)
+
+    def make():
+        if model == "rough":
+            return Simulation(polygons=[regular_polygon(c, vertices=8) for c in x], velocities=np.repeat(v / 2, 8, axis=0),
+                              box=(7.2, 7.2), model=model, e_c=100, k_a=100, k_l=100, k_b=10, zeta=0.01)
+        return Simulation(x, 1, velocities=v, box=(7.2, 7.2), model=model, zeta=0.01)
+    whole, parts, single = make(), make(), make()
+    first = whole.counters["skin"]
+    whole.step(3000)
+    for _ in range(430):
+        parts.step(7)
+        if parts.steps >= 2993:
+            break
+    parts.step(3000 - parts.steps)
+    for _ in range(3000):
+        single.step()
+    assert whole.counters["skin"] != first
+    assert whole.counters == parts.counters == single.counters
+    assert (whole.positions == parts.positions).all() and (whole.positions == single.positions).all()
+
+
 # --- Protocols
 
 
@@ -1130,6 +1158,27 @@ def test_particles_that_pass_through_each_other_within_a_step_end_the_run(box, e
     overlaps = []
     free.run(0.4, callback=lambda sim: overlaps.extend(sim.contacts["overlap"]))
     assert free.velocities[0, 0] > 0 and 0 < max(overlaps) < 0.95
+
+
+def test_steps_one_by_one_find_particles_that_pass_through():
+    """The checks continue from call to call, and begin again after a change."""
+    walls = Walls()
+    walls.line([(-5, 0), (5, 0)])
+    for sim, message in [(Simulation([[-0.51, 1], [0.57, 1]], 1, velocities=[[10, 0], [-10, 0]], e_sp=100), "pass through"),
+                         (Simulation([[0, 0.6]], 1, velocities=[[0, -30]], walls=walls, e_w=1, dt=0.001), "went through wall")]:
+        with pytest.raises(pliant.NumericalError, match=message):
+            for _ in range(200):
+                sim.step()
+    sim = Simulation([[0, 0.6], [3, 3]], 1, walls=walls)
+    for _ in range(20):
+        sim.step()
+    sim.positions[0] = (0, -0.6)  # on the other side, and back
+    for _ in range(20):
+        sim.step()
+    sim.positions[0] = (0, 0.6)
+    sim.velocities[1] = (1e5, 0)
+    with pytest.raises(pliant.NumericalError, match="in a step"):
+        sim.step()
 
 
 def test_particles_that_pass_each_other_across_a_periodic_border_end_the_run():
