@@ -210,6 +210,9 @@ void check_petsc(const Setting& setting) {
   if (!setting.value) return;
   if (contains(petsc_flags, setting.name)) bad_value(setting, "takes no value here");
   if (setting.value->starts_with("draw")) bad_value(setting, "a run cannot open windows");
+  for (const std::string_view format : {"ascii_xml", "ascii_flamegraph"})
+    if (setting.name == "log_view" && setting.value->ends_with(format))
+      bad_value(setting, "PETSc crashes in this format; leave it out, or use ascii_csv");
 }
 
 // Whether -log_view can be written to its file; PETSc opens the file only at the end.
@@ -389,7 +392,9 @@ Options::Option* Options::find(const std::string& name) {
 
 bool Options::is_petsc(const std::string& name) const {
   const auto begins = [&](std::string_view prefix) { return name.starts_with(prefix); };
-  if (name.find("_lg") != name.npos || name.find("draw") != name.npos) return false;  // a run has no windows
+  const auto has = [&](std::string_view part) { return name.find(part) != name.npos; };
+  if (has("_lg") || has("draw") || has("monitor_sp_") || has("_plot_")) return false;  // a run has no windows
+  if (has("swarm") || has("rhs_jacobian_test")) return false;  // PETSc crashes without a swarm, or without a matrix
   return contains(petsc_flags, name) || contains(petsc_later, name) ||
          std::any_of(petsc_families.begin(), petsc_families.end(), begins) ||
          std::any_of(prefixes_.begin(), prefixes_.end(), begins);

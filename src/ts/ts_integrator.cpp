@@ -235,6 +235,7 @@ void TsIntegrator::configure() {
       throw InputError("{} {:g} does not control errors: it allows errors as large as the solution; use one below {:g}",
                        name, value, largest_tolerance);
   check_positive("the time step (-ts_dt)", options_.dt);
+  if (needs_jacobian()) check_solvers();
 
   petsc_check(TSSetExactFinalTime(ts_, TS_EXACTFINALTIME_MATCHSTEP));
   petsc_check(TSSetErrorIfStepFails(ts_, PETSC_FALSE));  // run() reports the reason
@@ -308,6 +309,33 @@ void TsIntegrator::configure_solvers() {
   petsc_check(PCSetType(pc, particle_pc));
   petsc_check(TSSetMaxSNESFailures(ts_, -1));  // rejections are limited
   if (type_ == TSARKIMEX) petsc_check(TSARKIMEXSetFullyImplicit(ts_, PetscBool(options_.implicit == TermGroup::all)));
+}
+
+/// Errors: InputError for tolerances with which the first guess, the state before the step, counts as the solution.
+void TsIntegrator::check_solvers() const {
+  struct Limits {
+    PetscReal rtol, atol;
+    PetscInt iterations;
+  } newton{}, linear{};
+  SNES snes = nullptr;
+  KSP ksp = nullptr;
+  petsc_check(TSGetSNES(ts_, &snes));
+  petsc_check(SNESGetKSP(snes, &ksp));
+  petsc_check(SNESGetTolerances(snes, &newton.atol, &newton.rtol, nullptr, &newton.iterations, nullptr));
+  petsc_check(KSPGetTolerances(ksp, &linear.rtol, &linear.atol, nullptr, &linear.iterations));
+  const Real least = std::min(options_.atol_x, options_.atol_v);
+  for (const auto& [name, of] : {std::pair("snes", newton), {"ksp", linear}}) {
+    if (of.rtol >= largest_tolerance)
+      throw InputError("-{}_rtol {:g} lets the solver stop before it has begun; use one below {:g}", name, of.rtol,
+                       largest_tolerance);
+    if (of.atol > least)
+      throw InputError(
+          "-{}_atol {:g} lets the solver stop before it has begun; use one below the tolerance of a step, {:g} "
+          "(-ts_atol)",
+          name, of.atol, least);
+    if (of.iterations < 1)
+      throw InputError("-{}_max_it {}: the solver needs at least one iteration", name, of.iterations);
+  }
 }
 
 void TsIntegrator::set_tolerances(::Vec y, std::size_t n, std::size_t unknowns) {
