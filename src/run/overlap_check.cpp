@@ -11,14 +11,18 @@ namespace pliant {
 template <int D>
 PassingPair nearest_passing_pair(const StateView<D>& s, Real h) {
   PassingPair nearest;
+  Real fastest2 = 0;
+  if (h > 0)
+    for (Index i = 0; i < s.topology.points(); ++i) fastest2 = std::max(fastest2, s.velocity(i).squaredNorm());
+  const Real way = 2 * h * std::sqrt(fastest2);  // two particles approach by this in the step, at most
   for (const auto& [i, j] : s.neighbours.point_pairs) {
     const Vec<D> r = s.position(i) - s.position(j);
+    const Real contact = (s.topology.diameter[i] + s.topology.diameter[j]) / 2, least = (1 - passing_overlap) * contact;
+    if (r.squaredNorm() >= square(nearest.gap + least + way)) continue;  // most pairs
     Vec<D> before_step = r;
     if (h > 0) before_step -= h * (s.velocity(i) - s.velocity(j));
-    const Real d = std::sqrt(foot_on_segment<D>(Vec<D>::Zero(), before_step, r).d2),
-               contact = (s.topology.diameter[i] + s.topology.diameter[j]) / 2,
-               gap = d - (1 - passing_overlap) * contact;
-    if (gap < nearest.gap) nearest = {gap, {i, j}, 1 - d / contact};
+    const Real d = std::sqrt(foot_on_segment<D>(Vec<D>::Zero(), before_step, r).d2);
+    if (d - least < nearest.gap) nearest = {d - least, {i, j}, 1 - d / contact};
   }
   return nearest;
 }

@@ -16,12 +16,12 @@ namespace {
 
 std::string cures_of_passage() { return "use " + cures({Cure::stiffer_walls, Cure::shorter_step}); }
 
-template <int D>
-bool walls_act(const ParticleSystem<D>& system) {
-  return system.walls().size() > 0 && system.neighbours().needs().walls;
-}
-
 }  // namespace
+
+template <int D>
+bool PassageWatch<D>::watches_walls(const ParticleSystem<D>& system) const {
+  return !records_ && system.walls().size() > 0 && system.neighbours().needs().walls;
+}
 
 template <int D>
 bool PassageWatch<D>::watches_pairs(const ParticleSystem<D>& system) const {
@@ -29,13 +29,15 @@ bool PassageWatch<D>::watches_pairs(const ParticleSystem<D>& system) const {
 }
 
 template <int D>
-Real PassageWatch<D>::look_at_pairs(ParticleSystem<D>& system, const State& s, Real h) const {
+Real PassageWatch<D>::look_at_pairs(ParticleSystem<D>& system, const State& s, Real h) {
   const StateView<D> view = system.view(s.x().data(), s.v().data(), s.t);
   const Topology& topology = view.topology;
   Real least = std::numeric_limits<Real>::infinity();  // contact distance
   for (Index i = 0; i < topology.owned_points(); ++i) least = std::min(least, topology.diameter[i]);
   const PassingPair nearest = nearest_passing_pair(view, h);
-  if (nearest.gap < 0) {
+  if (records_) {
+    if (nearest.gap < 0) recorded_ = std::max(recorded_, nearest.overlap);
+  } else if (nearest.gap < 0) {
     const auto [first, second] = std::minmax(topology.id[nearest.points.first], topology.id[nearest.points.second]);
     throw NumericalError(
         "particles {} and {} overlap by {:.3g} of their contact distance: they pass through each other; use {}{}",
@@ -46,15 +48,23 @@ Real PassageWatch<D>::look_at_pairs(ParticleSystem<D>& system, const State& s, R
 
 template <int D>
 void PassageWatch<D>::start(ParticleSystem<D>& system, const State& s) {
-  if (!walls_act(system) && !watches_pairs(system)) return;
+  if (!watches_walls(system) && !watches_pairs(system)) return;
   reference_.clear();
   last_t_ = s.t;
   look(system, s, 0, 0);
 }
 
+// Another particle cannot pass through it before one of both has moved by half of passing_overlap times the least
+// contact distance, which gap_ does not exceed.
+template <int D>
+void PassageWatch<D>::reinserted(Index m, const State& s) {
+  const std::size_t first = static_cast<std::size_t>(m) * D;
+  if (first < reference_.size()) std::copy_n(&s.x()[first], D, &reference_[first]);
+}
+
 template <int D>
 void PassageWatch<D>::after_step(ParticleSystem<D>& system, const State& s) {
-  if (!walls_act(system) && !watches_pairs(system)) return;
+  if (!watches_walls(system) && !watches_pairs(system)) return;
   const Real h = inertia_ ? s.t - last_t_ : 0;
   last_t_ = s.t;
   const auto points = static_cast<std::size_t>(system.topology().owned_points());
@@ -106,7 +116,7 @@ void PassageWatch<D>::look(ParticleSystem<D>& system, const State& s, Real moved
   };
   system.ranks().together([&] {
     if (watches_pairs(system)) gap_ = std::min(gap_, look_at_pairs(system, s, h));
-    if (!walls_act(system)) return;
+    if (!watches_walls(system)) return;
     if (own) {
       std::vector<Index> near;
       for (Index i = 0; i < points; ++i) {
@@ -118,6 +128,7 @@ void PassageWatch<D>::look(ParticleSystem<D>& system, const State& s, Real moved
     }
   });
   gap_ = system.ranks().min(gap_);
+  if (records_) recorded_ = system.ranks().max(recorded_);
   t_ = s.t;
   reference_.assign(x, x + static_cast<std::size_t>(points) * D);
   system.passages_checked();

@@ -19,7 +19,8 @@ namespace pliant {
 /// single step is not found. The watch reads the neighbour lists and never rebuilds them, so it changes no number of a
 /// run. Disks, spheres and droplets have passed through each other where they overlap by more than passing_overlap,
 /// with inertia also where they have done so in the course of a step, on straight lines; of polygons CrossingWatch
-/// finds this. All functions are collective. Errors: NumericalError on all ranks, which names particles, wall and
+/// finds this. With record_overlaps() the watch looks at pairs only, and such overlaps are no error. All functions are
+/// collective. Errors: NumericalError on all ranks, which names particles, wall and
 /// cures.
 template <int D>
 class PassageWatch {
@@ -29,10 +30,16 @@ class PassageWatch {
     overlaps_allowed_ = allowed;
     advice_ = std::move(advice);
   }
+  /// Overlaps are recorded, for take_overlap(), and walls are not looked at.
+  void record_overlaps() { records_ = true; }
+  /// The largest recorded overlap since the last call, on all ranks; 0 without any.
+  Real take_overlap() { return std::exchange(recorded_, 0); }
   /// Without inertia velocities are not part of the state.
   void have_inertia(bool inertia) { inertia_ = inertia; }
   /// To be called before the first step, and after particles or walls were placed elsewhere or particles reordered.
   void start(ParticleSystem<D>& system, const State& s);
+  /// Own particle m, of one point, was moved to a place where it overlaps nothing. Not collective.
+  void reinserted(Index m, const State& s);
   /// After every step.
   void after_step(ParticleSystem<D>& system, const State& s);
 
@@ -40,11 +47,13 @@ class PassageWatch {
   /// moved: upper bound of the motion of a point relative to a wall since the last check. h: length of the last step.
   void look(ParticleSystem<D>& system, const State& s, Real moved, Real h);
 
+  bool watches_walls(const ParticleSystem<D>& system) const;
   bool watches_pairs(const ParticleSystem<D>& system) const;
   /// Half the distance that any two particles may approach. Errors: NumericalError.
-  Real look_at_pairs(ParticleSystem<D>& system, const State& s, Real h) const;
+  Real look_at_pairs(ParticleSystem<D>& system, const State& s, Real h);
 
-  bool overlaps_allowed_ = false, inertia_ = true;
+  bool overlaps_allowed_ = false, inertia_ = true, records_ = false;
+  Real recorded_ = 0;
   std::string advice_;
   Real gap_ = 0;                 ///< nothing can pass before a point has moved by this, relative to walls
   Real t_ = 0;                   ///< time of the last check

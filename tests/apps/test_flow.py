@@ -385,6 +385,25 @@ def test_a_clog_after_some_flow_is_no_flow(tmp_path):
         pytest.fail("no run flowed and clogged")
     assert results.summary["Q"] == {"value": 0, "error": None, "unit": "sigma_avg^2/t0", "no_error": "clogged"}
     assert results.summary["Q_corrected"]["value"] == 0
+    # Averages over the flow and the rest are averages of neither.
+    assert not results.summary["steady"]
+    assert results.summary["contacts_per_particle"]["error"] is None and results.summary["bulk_fraction"]["error"] is None
+
+
+def test_particles_below_the_orifice_will_flow_again(tmp_path):
+    """They fall for longer than -clog_time, slowly and far from all others, which rest."""
+    result = pliant("hopper", output=tmp_path, n=10, hopper_wall_distance=10, hopper_width=4, zeta=30, t_end=100)
+    results = Results(tmp_path)
+    assert result.returncode == 0
+    assert results.summary["status"] == "done" and results.summary["crossed_count"] > 0
+
+
+def test_particles_that_pass_through_each_other_between_samples(tmp_path):
+    result = pliant("hopper", output=tmp_path, n=100, hopper_wall_distance=12, zeta=0.2, e_sp=7, t_end=20, sample_interval=10)
+    results = Results(tmp_path)
+    assert result.returncode == 0 and "they pass through each other" in result.stderr
+    assert max(results.series["max_overlap"]) < 0.95 < results.summary["passing_overlap"]
+    assert results.summary["Q"]["error"] is None
 
 
 @pytest.fixture(scope="module", params=["sp", "rough", "sp_3d"])

@@ -297,3 +297,11 @@ def test_errors_of_a_flow_end_all_ranks(options, code, message, tmp_path):
     result = on_ranks(2, "shear", output=tmp_path / "run", **given)
     errors = [line for line in complaints(result) if "warning" not in line]
     assert result.returncode == code and len(errors) == 1 and message in errors[0], result.stderr
+
+
+def test_particles_that_pass_through_each_other(tmp_path):
+    dilute = {"n": 16, "fraction": 0.6, "shear_rate": 0.5, "zeta": 0.05, "strain": 40}
+    run = shear(tmp_path / "passes", dt=0.02, sample_interval=5, **dilute)
+    assert run.summary["passing_overlap"] > 0.95 and run.summary["flow_stress"]["error"] is None
+    result = pliant("shear", output=tmp_path / "far", **{**DENSE, **dilute})
+    assert result.returncode == 3 and "radii in a step relative to the flow" in result.stderr and "-shear_rate" in result.stderr

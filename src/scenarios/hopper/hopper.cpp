@@ -22,6 +22,7 @@
 #include <pliant/run/heat.h>
 #include <pliant/run/memory.h>
 #include <pliant/run/overlap_check.h>
+#include <pliant/run/passage_watch.h>
 #include <pliant/run/run.h>
 #include <pliant/run/surface_check.h>
 #include <pliant/scenarios/hopper/blockage.h>
@@ -218,6 +219,9 @@ class HopperProtocol final : public Protocol<D> {
 
   void ready() override {
     watch([&](ParticleSystem<2>& system) { outlines_.start(system, state()); });
+    passing_.record_overlaps();
+    passing_.have_inertia(p_.dynamics == Dynamics::inertial);
+    passing_.start(particles(), state());
     counter_.start(state(), topology());
   }
 
@@ -231,6 +235,8 @@ class HopperProtocol final : public Protocol<D> {
   bool follow() override {
     watch([&](ParticleSystem<2>& system) { outlines_.after_step(system, state()); });
     this->simulation().find_velocities();
+    passing_.after_step(particles(), state());
+    pair_overlap_ = std::max(pair_overlap_, passing_.take_overlap());
     const bool changed = follow_particles();
     if (changed) watch([&](ParticleSystem<2>& system) { outlines_.after_change(system, state()); });
     return changed;
@@ -238,6 +244,7 @@ class HopperProtocol final : public Protocol<D> {
 
   void sorted(const Migration& migration) override {
     counter_.move(migration);
+    passing_.start(particles(), state());
     watch([&](ParticleSystem<2>& system) { outlines_.after_change(system, state()); });
   }
 
@@ -293,6 +300,7 @@ class HopperProtocol final : public Protocol<D> {
     a.number("crossed_before_quiet", clog.crossed, -1, crossed);
     a.newer("clog_speed", limit);
     a.newer("wall_overlap", wall_overlap_, 0);
+    a.newer("pair_overlap", pair_overlap_, 0);
     a.number("packing_iterations", packing_iterations_);
     p_.start.visit(a);
     if (!a.reads()) return;
@@ -330,6 +338,7 @@ class HopperProtocol final : public Protocol<D> {
                         .in_hopper = last_sample_.in_hopper,
                         .max_speed = last_sample_.max_speed,
                         .wall_overlap = wall_overlap_,
+                        .pair_overlap = pair_overlap_,
                         .restart_command = run().restart_command()};
     report_hopper(end, series, evaluate_series(even_rows(series, run().even_samples()), p_, mean_size_), s);
   }
@@ -353,7 +362,9 @@ class HopperProtocol final : public Protocol<D> {
 
   void end_without_flow() {
     const std::int64_t crossed = last_sample_.crossed.crossed;
-    if (clog_.update(state().t, crossed, last_sample_.in_hopper, last_sample_.max_speed))
+    // Particles that have left a continuous flow will fall into it again.
+    const Real speed = p_.flow == FlowKind::continuous ? last_sample_.fastest : last_sample_.max_speed;
+    if (clog_.update(state().t, crossed, last_sample_.in_hopper, speed))
       run().end(arch_over_orifice<D>(particles(), state(), *p_.container) ? "clogged" : "at_rest");
     if (p_.flow == FlowKind::discharge && last_sample_.in_hopper == 0) run().end("empty");
   }
@@ -392,6 +403,7 @@ class HopperProtocol final : public Protocol<D> {
         stop_spin(l.particle);
         this->simulation().relist(l.particle);
         counter_.reinserted(l.particle, s, own);
+        passing_.reinserted(l.particle, s);
       } else if (mine) {
         for (Index i = own.offset[l.particle]; i < own.offset[l.particle + 1]; ++i) point<D>(s.v().data(), i).setZero();
         stop_spin(l.particle);
@@ -593,6 +605,8 @@ class HopperProtocol final : public Protocol<D> {
   // State for checkpoints.
   std::int64_t packing_iterations_ = 0;
   Real wall_overlap_ = 0;  ///< largest of a point with a wall up to now, over its radius
+  PassageWatch<D> passing_;
+  Real pair_overlap_ = 0;  ///< largest overlap up to now of particles that pass through each other, else 0
 
   Real mean_size_ = 0;                   ///< a0
   Real narrowest_ = 0, largest_a0_ = 0;  ///< diameter of a point; a0

@@ -70,13 +70,16 @@ Sample<D> take_sample(ParticleSystem<D>& system, const State& state, const Conta
     weight_energy += topology.mass(i) * view.position(i)[D - 1];
   }
   for (Index m = 0; m < topology.owned(); ++m) {
-    const Real height = point<D>(centres.position.data(), m)[D - 1];
-    if (!active[m] || !(height > 0)) continue;
+    if (!active[m]) continue;
+    const Real height = point<D>(centres.position.data(), m)[D - 1],
+               speed = point<D>(centres.velocity.data(), m).norm();
+    sample.fastest = std::max(sample.fastest, speed);
+    if (!(height > 0)) continue;
     ++in_hopper;
     top = std::max(top, height);
-    sample.max_speed = std::max(sample.max_speed, point<D>(centres.velocity.data(), m).norm());
+    sample.max_speed = std::max(sample.max_speed, speed);
   }
-  sample.max_speed = ranks.max(sample.max_speed);
+  for (Real* const largest : {&sample.max_speed, &sample.fastest}) *largest = ranks.max(*largest);
   top = ranks.max(top);
 
   std::vector<std::pair<Index, Index>> touching;

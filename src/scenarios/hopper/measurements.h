@@ -27,6 +27,7 @@ struct Sample {
   FlowCount crossed;  ///< count of all ranks
   Real kinetic_energy = 0, top_height = 0, bulk_fraction = 0;
   Real max_speed = 0;  ///< above the orifice line
+  Real fastest = 0;    ///< above or below it
   Index in_hopper = 0;
   Real max_overlap = 0;
   Index first = -1, second = -1;                               ///< ids of the particles of the largest overlap

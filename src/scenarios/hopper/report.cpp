@@ -16,7 +16,10 @@ std::string percent(Real fraction) { return std::isnan(fraction) ? "?" : fmt::fo
 
 namespace {
 
-Real deepest_overlap(const Series& series) { return std::ranges::max(series.at("max_overlap").values); }
+/// Of samples, and of particles that passed through each other between two samples.
+Real deepest_overlap(const HopperEnd& end, const Series& series) {
+  return std::max(end.pair_overlap, std::ranges::max(series.at("max_overlap").values));
+}
 
 /// Twice the time, with as many samples as an error needs.
 std::string longer(const HopperEnd& end) {
@@ -54,7 +57,7 @@ void report_self_crossings(const HopperEnd& end, const Series& series, nlohmann:
 
 /// Centres that meet pass through each other.
 void warn_of_overlap(const HopperEnd& end, const Series& series) {
-  if (const Real deepest = deepest_overlap(series); deepest > passing_overlap)
+  if (const Real deepest = deepest_overlap(end, series); deepest > passing_overlap)
     warn("particles overlapped by {:.3g} of their contact distance: they pass through each other; raise {}, now {:g}",
          deepest, end.options.model.option(Role::contact_energy), end.options.model.value(Role::contact_energy));
   if (end.wall_overlap > passing_overlap)
@@ -113,11 +116,15 @@ void report_hopper(const HopperEnd& end, const Series& series, nlohmann::ordered
   if (end.rests() || p.flow == FlowKind::discharge)
     measured["flow_ended"] = quantity(last_crossing(series), BlockAverage::unknown, "t0");
   measured["largest_wall_overlap"] = end.wall_overlap;
-  if (const Real deepest = std::max(deepest_overlap(series), end.wall_overlap); deepest > passing_overlap) {
-    measured["passing_overlap"] = deepest;
+  const Real deepest = std::max(deepest_overlap(end, series), end.wall_overlap);
+  if (deepest > passing_overlap) measured["passing_overlap"] = deepest;
+  // Averages over a flow and the rest after it are averages of neither.
+  const bool stopped = end.rests() && p.flow == FlowKind::continuous;
+  if (stopped && measured.contains("steady") && measured["steady"])
+    measured.update({{"steady", false}, {"steady_explanation", "not steady: the flow has stopped"}});
+  if (deepest > passing_overlap || stopped)
     for (auto& [name, value] : measured.items())
       if (value.is_object() && value.contains("error")) value["error"] = nullptr;
-  }
   for (const char* name : {"Q", "Q_corrected", "orifice_density", "bulk_fraction", "contacts_per_particle",
                            "top_height", "max_overlap", "drag_friction_ratio", "orifice_velocity"})
     if (measured.contains(name) && measured[name]["error"].is_null())

@@ -25,6 +25,7 @@ struct HopperEnd {
   Index in_hopper;
   Real max_speed;     ///< above the orifice line
   Real wall_overlap;  ///< largest of a point with a wall, over its radius
+  Real pair_overlap;  ///< largest, in any step, of particles that pass through each other, else 0
   std::string restart_command;
 
   bool ended_as(std::string_view what) const { return status == what; }

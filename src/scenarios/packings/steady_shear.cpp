@@ -12,6 +12,7 @@
 #include <pliant/base/console.h>
 #include <pliant/io/summary.h>
 #include <pliant/model/drag.h>
+#include <pliant/run/overlap_check.h>
 #include <pliant/run/step_check.h>
 #include <pliant/scenarios/packings/measures.h>
 #include <pliant/scenarios/packings/pack.h>
@@ -142,8 +143,25 @@ void SteadyShear<D>::ready() {
 template <int D>
 bool SteadyShear<D>::follow() {
   shortened_ = this->particles().shift_lattice(this->state());
-  if (this->state().step % stride() == 0) integrate(measure());
+  if (this->state().step % stride() == 0) {
+    const Measured now = measure();
+    integrate(now);
+    look_at_particles(now);
+  }
   return false;
+}
+
+template <int D>
+void SteadyShear<D>::look_at_particles(const Measured& now) {
+  if (this->topology().deformable()) return;  // check_crossings() looks at polygons and surfaces
+  const Real h = this->step_taken();
+  if (const Real way = now.fastest * h; way > 1)
+    throw NumericalError(
+        "a particle moves by {:.3g} radii in a step relative to the flow: contacts may be missed; shorten the step "
+        "(-dt), raise the drag (-zeta), or lower the rate (-shear_rate)",
+        way);
+  const PassingPair nearest = nearest_passing_pair(this->simulation().view(), h);
+  pair_overlap_ = std::max(pair_overlap_, this->ranks().max(nearest.gap < 0 ? nearest.overlap : 0));
 }
 
 template <int D>
@@ -157,6 +175,7 @@ typename SteadyShear<D>::Measured SteadyShear<D>::measure() {
     const Vec<D> w = s.velocity(i) - s.flow.at(s.position(i));
     now.kinetic += momentum_flux(s, i);
     now.kinetic_energy += mass / 2 * w.squaredNorm();
+    now.fastest = std::max(now.fastest, 2 * w.norm() / s.topology.diameter[i]);
     now.momentum += mass * w;
   }
   now.energy = field.energy(s);
@@ -164,6 +183,7 @@ typename SteadyShear<D>::Measured SteadyShear<D>::measure() {
   const Ranks& ranks = this->ranks();
   for (Mat<D>* const sum : {&now.stress, &now.kinetic}) ranks.sum(std::span(sum->data(), D * D));
   ranks.sum(std::span(now.momentum.data(), D));
+  now.fastest = ranks.max(now.fastest);
   for (Real* const sum : {&now.energy, &now.kinetic_energy, &now.drag_power}) *sum = ranks.sum(*sum);
   now.stress /= volume();
   now.kinetic /= volume();
@@ -247,6 +267,7 @@ void SteadyShear<D>::visit(Archive& a) {
   a.flag("energy_measured", measured_);
   a.number("start_energy", start_energy_);
   a.number("largest_kinetic_energy", largest_kinetic_, 0);
+  a.newer("pair_overlap", pair_overlap_, 0);
   work_.visit(a, "work_of_shear");
   heat_.visit(a, "heat_of_drag");
   if (a.reads()) shear_box(length);
@@ -272,12 +293,21 @@ void SteadyShear<D>::report(const Series& all, nlohmann::ordered_json& s) {
   s["steady_start"] = quantity(steady.time, BlockAverage::unknown, "t0");
   s["steady_explanation"] = steady.explanation;
   s["steady_samples"] = time.size() - steady.index;
+  const bool passed = pair_overlap_ > 0;
+  if (passed) {
+    s["passing_overlap"] = pair_overlap_;
+    warn(
+        "particles overlapped by {:.3g} of their contact distance: they pass through each other; raise the drag "
+        "(-zeta), or lower the rate (-shear_rate)",
+        pair_overlap_);
+  }
   const auto average = [&](const char* name, const BlockAverage& b, std::string_view of, Real factor = 1) {
     // Without a steady state there is nothing to average.
-    s[name] = steady.steady ? quantity(factor * b.mean, factor * b.error, of)
+    s[name] = steady.steady ? quantity(factor * b.mean, passed ? BlockAverage::unknown : factor * b.error, of)
                             : quantity(BlockAverage::unknown, BlockAverage::unknown, of);
     if (s[name]["error"].is_null())
       s[name]["no_error"] = !steady.steady ? steady.explanation
+                            : passed       ? "particles passed through each other"
                             : std::isnan(b.mean)
                                 ? "particles exert no pressure"
                                 : "no plateau of the block averages: the run is too short for an error";
@@ -291,7 +321,9 @@ void SteadyShear<D>::report(const Series& all, nlohmann::ordered_json& s) {
     warn("no flow stress: {}; shear to a larger -strain", steady.explanation);
     return;
   }
-  const std::string error = std::isnan(of_stress.error) ? " (no error: the run is too short)" : "";
+  const std::string error = passed                        ? " (no error: particles passed through each other)"
+                            : std::isnan(of_stress.error) ? " (no error: the run is too short)"
+                                                          : "";
   say("flow stress {:.4g}{} {}{}, viscosity {:.4g} {} t0, from the strain {:.3g} on\n", of_stress.mean,
       error.empty() ? fmt::format(" ± {:.2g}", of_stress.error) : "", unit, error, of_stress.mean / *p_.rate, unit,
       steady.time * *p_.rate);

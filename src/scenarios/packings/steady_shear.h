@@ -53,6 +53,7 @@ class SteadyShear final : public Protocol<D> {
     Mat<D> kinetic = Mat<D>::Zero();  ///< kinetic part of the stress
     Real energy = 0, kinetic_energy = 0, drag_power = 0;
     Vec<D> momentum = Vec<D>::Zero();
+    Real fastest = 0;  ///< largest speed relative to the flow, of disks and spheres over their radius
     Real shear_stress() const { return stress(0, 1) + kinetic(0, 1); }
     Real pressure() const { return -(stress + kinetic).trace() / D; }
   };
@@ -60,6 +61,9 @@ class SteadyShear final : public Protocol<D> {
   /// The box of the packing, with edges of these lengths, is sheared from now on.
   void shear_box(const std::vector<Real>& length);
   Measured measure();
+  /// Records particles that pass through each other. Errors: NumericalError for a particle that moves by more than its
+  /// radius in a step.
+  void look_at_particles(const Measured& now);
   /// Steps between values of the integrals of work and heat. A contact oscillates in more than 30 standard steps of
   /// Verlet, but in a few steps of a method with error control.
   std::int64_t stride() const { return p_.integrator == ShearIntegrator::verlet ? 8 : 1; }
@@ -76,6 +80,7 @@ class SteadyShear final : public Protocol<D> {
   std::int64_t shortened_ = 0;  ///< edge 1 of the sheared box, by edges 0
   bool measured_ = false;       ///< the energy at the start is known
   Real start_energy_ = 0, largest_kinetic_ = 0;
+  Real pair_overlap_ = 0;  ///< largest overlap up to now of particles that pass through each other, else 0
   SampledIntegral work_, heat_;
 };
 
