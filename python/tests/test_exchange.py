@@ -204,6 +204,7 @@ def test_meshio_and_ase_read_the_files(tmp_path):
     ("a.dump", "ITEM: TIMESTEP\nx\n", "not a number"),
     ("a.dump", "ITEM: TIMESTEP\n", "line 1: the file is cut"),
     ("a.dump", "ITEM: BOX BOUNDS xy xz yz pp pp pp\n", "the box is not rectangular"),
+    ("a.dump", "ITEM: BOX BOUNDS pp pp pp\n0 1 0.3\n0 1 0\n0 1 0\n", "the box is not rectangular"),
     ("a.dump", "ITEM: ATOMS id x y z\n", "ITEM: ATOMS comes before"),
     ("a.dump", "ITEM: NUMBER OF ATOMS\n1\nITEM: BOX BOUNDS pp pp pp\n0 1\n0 1\n0 1\nITEM: ATOMS id q\n1 1\n",
      "the atoms need numbers x y z"),
@@ -232,3 +233,12 @@ def test_wrong_requests(tmp_path, soft):
     with pytest.raises(ValueError, match="'a b' cannot be the name of a field"):
         exchange.write(part, tmp_path / "a.xyz", lambda p: {"a b": np.arange(3)})
     assert not (tmp_path / "a.xyz").exists()
+
+
+@pytest.mark.parametrize("suffix", (*SUFFIXES, "vtu"))
+def test_no_file_holds_a_tilted_box(tmp_path, suffix):
+    part = Particles(np.eye(2), 0.5, box=[3, 3], tilt=[0.4])
+    with pytest.raises(ValueError, match=re.escape("exchange.write: the box is tilted by [0.4]")):
+        exchange.write(part, tmp_path / f"a.{suffix}")
+    assert not any(tmp_path.iterdir())
+    exchange.write(Particles(np.eye(2), 0.5, box=[3, 3], tilt=[0.0]), tmp_path / f"a.{suffix}")

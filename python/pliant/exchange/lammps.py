@@ -85,9 +85,10 @@ def _frame(lines, number):
                 count = int(lines.next())
             elif item.startswith("ITEM: BOX BOUNDS"):
                 periodic = [word == "pp" for word in item.split()[3:]]
-                if len(periodic) != 3:
-                    raise lines.error("the box is not rectangular; Pliant has rectangular boxes only")
-                bounds = np.array([lines.next().split() for _ in range(3)], float)
+                rows = [lines.next().split() for _ in range(3 if len(periodic) == 3 else 0)]
+                if not rows or any(len(row) > 2 for row in rows):
+                    raise lines.error("the box is not rectangular; exchange.read takes files with rectangular boxes")
+                bounds = np.array(rows, float).reshape(3, 2)
             elif item.startswith("ITEM: ATOMS"):
                 break
             elif item.startswith("ITEM:"):

@@ -58,6 +58,7 @@ def _of(source, number, fields):
     wanted = [name for group, names in (("velocities", ("velocities",)), ("contacts", ("pairs", "forces", "points")))
               for name in names if frame and frame.has(group)]
     part = Particles.of(source, *wanted)
+    part.upright("exchange.write")
     here = part.active
     values = {name: getattr(part, target) for name, target in _PARTICLES.items()}
     if frame:

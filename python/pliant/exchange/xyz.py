@@ -79,7 +79,7 @@ def _frame(place, header, rows, number):
     if not np.isfinite(values["pos"]).all():
         raise RunError(f"{place}: a particle has no position; is the number of columns of Properties right?")
     if size is not None and (size - np.diag(np.diag(size))).any():
-        raise RunError(f"{place}: the Lattice is not rectangular; Pliant has rectangular boxes only")
+        raise RunError(f"{place}: the Lattice is not rectangular; exchange.read takes files with rectangular boxes")
     dim = dimension(values["pos"], words.get("dimension") == "2")
     box = None
     periodic = [word.upper() in ("T", "TRUE", "1") for word in words.get("pbc", "T T T" if size is not None else "F F F").split()]
