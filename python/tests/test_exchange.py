@@ -6,12 +6,14 @@ import struct
 import zlib
 from xml.etree import ElementTree
 
+import h5py
 import numpy as np
 import pytest
 from lattices import random_disks
 from numpy.testing import assert_allclose, assert_array_equal
+from synthetic import write_run
 
-from pliant import OutputError, Run, RunError, analysis, exchange
+from pliant import OutputError, PliantWarning, Run, RunError, analysis, exchange
 from pliant.analysis import Particles
 
 SUFFIXES = ("xyz", "dump", "pvd")
@@ -58,6 +60,30 @@ def test_runs(tmp_path, suffix, model, request):
             assert_array_equal(part.positions[frame.active], frame.centres[frame.active])
             assert_array_equal(part.velocities[frame.active], frame.particle_velocities[frame.active])
             assert_array_equal(part.radii[frame.active], run.topology.sigma[frame.active] / 2)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_files_have_the_reinsertions(tmp_path, suffix, soft):
+    """Displacements and mean squares of a file leave out the jumps of reinserted particles, as for its run."""
+    with Run(soft[0]) as run:
+        exchange.write(run, tmp_path / f"run.{suffix}")
+        again = exchange.read(tmp_path / f"run.{suffix}")
+        for frame, part in zip(run.frames, again):
+            assert_array_equal(part.reinsertions[frame.active], frame.reinsertions[frame.active])
+        exchange.write(again, tmp_path / f"again.{suffix}")
+        for frames in (again, exchange.read(tmp_path / f"again.{suffix}"), [Particles.of(f) for f in run.frames]):
+            assert_allclose(analysis.displacements(frames[0], frames[2]), run.frames[2].displacements(run.frames[0]))
+            assert_allclose(*(analysis.mean_squared_displacement(source, lags=[1]) for source in (frames, run)))
+
+
+def test_a_run_that_does_not_store_its_reinsertions(tmp_path):
+    path, _ = write_run(tmp_path / "run", n=20)
+    with h5py.File(path / "run.h5", "a") as file:
+        for group in file["frames"].values():
+            del group["reinsertions"]
+    with pytest.warns(PliantWarning, match="jumps.*-frame_fields reinsertions"):
+        exchange.write(Run(path), tmp_path / "a.xyz")
+    assert exchange.read(tmp_path / "a.xyz")[0].reinsertions is None
 
 
 def test_extended_xyz_is_as_specified(tmp_path):

@@ -116,7 +116,10 @@ def displacements(before, after, box=None):
         origin = before.box[0]
         strained = origin + (strained - origin) @ _strain_of_box(before.lattice, after.lattice)
     moved = strained + after.nearest_image(after.positions - strained) - before.positions
-    return np.where((before.active & after.active)[:, None], moved, np.nan)
+    stayed = before.active & after.active
+    if before.reinsertions is not None and after.reinsertions is not None:
+        stayed = stayed & (before.reinsertions == after.reinsertions)
+    return np.where(stayed[:, None], moved, np.nan)
 
 
 def _invertible(lattice):

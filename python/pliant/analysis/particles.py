@@ -71,6 +71,7 @@ class Particles:
     walls: np.ndarray | None = None   #: [C] number of the wall, -1 for pairs
     ids: np.ndarray | None = None     #: [N] numbers of the particles, by which two moments are compared; default: their rows
     time: float = np.nan
+    reinsertions: np.ndarray | None = None  #: [N] how often each particle was reinserted: a displacement across one is NaN
 
     def __post_init__(self):
         positions = np.asarray(self.positions, float)
@@ -112,6 +113,8 @@ class Particles:
             found, number = np.unique(given["ids"], return_counts=True)
             if (number > 1).any():
                 raise ValueError(f"the id {found[number > 1][0]} occurs {number.max()} times in ids; give each particle its own")
+        if self.reinsertions is not None:
+            given["reinsertions"] = _array("reinsertions", self.reinsertions, (count,), np.int64)
         for name, values in given.items():  # None: of an open box, or an upright one
             object.__setattr__(self, name, values)
 
@@ -138,14 +141,15 @@ class Particles:
         return self.positions.shape[1]
 
     def in_order(self, ids):
-        """Positions and box of the particles with these ids [M]; those that are not here are absent."""
+        """Positions, reinsertions and box of the particles with these ids [M]; those that are not here are absent."""
         row = {k: i for i, k in enumerate(self.ids)}
         rows = np.array([row.get(k, -1) for k in ids], int)
         there = rows >= 0
         positions = np.full((len(ids), self.dim), np.nan)
         positions[there] = self.positions[rows[there]]
         active = there & np.append(self.active, False)[rows]
-        return Particles(positions, box=self.box, tilt=self.tilt, active=active, ids=ids, time=self.time)
+        jumps = None if self.reinsertions is None else np.append(self.reinsertions, 0)[rows]
+        return Particles(positions, box=self.box, tilt=self.tilt, active=active, ids=ids, time=self.time, reinsertions=jumps)
 
     @property
     def count(self):
@@ -234,7 +238,7 @@ def _of_frame(frame, needed, given):
     values = {"positions": frame.centres, "active": frame.active, "radii": topology.sigma / 2, "masses": topology.mass,
               "volumes": frame.content if deformable and frame.has("area" if run.dim == 2 else "volume") else topology.a0,
               "box": frame.box, "tilt": frame.tilt,
-              "time": frame.time}
+              "time": frame.time, "reinsertions": frame.reinsertions if frame.has("reinsertions") else None}
     if "velocities" in needed:
         values["velocities"] = frame.particle_velocities
     if {"pairs", "forces", "points", "walls"} & set(needed):

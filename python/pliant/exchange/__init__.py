@@ -38,7 +38,8 @@ def write(source, path, fields=None):
 
 
 def read(path):
-    """List of analysis.Particles, one per frame, with positions and, if the file has them, radii, velocities and masses.
+    """List of analysis.Particles, one per frame, with positions and, if the file has them, radii, velocities, masses and
+    reinsertions.
 
     Row k is the particle with the k-th of all ids in the file, and particles that a frame lacks are inactive there. If all z
     are 0, the particles are in 2D. RunError if the file cannot be read, with the place."""

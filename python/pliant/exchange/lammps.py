@@ -130,6 +130,4 @@ def _columns(table, bounds):
         columns["radius"] = table["radius"].to_numpy(float)
     elif "diameter" in table:
         columns["radius"] = table["diameter"].to_numpy(float) / 2
-    if "mass" in table:
-        columns["mass"] = table["mass"].to_numpy(float)
-    return columns
+    return columns | {name: table[name].to_numpy(float) for name in ("mass", "reinsertions") if name in table}

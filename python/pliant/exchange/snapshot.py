@@ -1,6 +1,7 @@
 """Particles of one frame as a table, between runs and files."""
 
 import io
+import warnings
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -8,13 +9,14 @@ import pandas as pd
 
 from ..analysis.particles import Particles
 from ..analysis.sources import several
-from ..errors import RunError
+from ..errors import PliantWarning, RunError
 from ..run import Frame
 
 #: Fields of frames that become columns, if the frame has them.
-_FRAME_FIELDS = ("reinsertions", "contact_count", "angles", "spins", "area", "perimeter", "volume", "surface_area")
+_FRAME_FIELDS = ("contact_count", "angles", "spins", "area", "perimeter", "volume", "surface_area")
 #: Columns of files, and the fields of Particles.
-_PARTICLES = {"position": "positions", "radius": "radii", "velocity": "velocities", "mass": "masses"}
+_PARTICLES = {"position": "positions", "radius": "radii", "velocity": "velocities", "mass": "masses",
+              "reinsertions": "reinsertions"}
 
 
 @dataclass
@@ -59,6 +61,9 @@ def _of(source, number, fields):
               for name in names if frame and frame.has(group)]
     part = Particles.of(source, *wanted)
     part.upright("exchange.write")
+    if frame and frame.run.reinserts and part.reinsertions is None:
+        warnings.warn(f"{frame.run.path}: the frames have no reinsertions; displacements computed from the file have the jumps of "
+                      "reinserted particles. -frame_fields reinsertions writes them, also after a restart", PliantWarning, stacklevel=4)
     here = part.active
     values = {name: getattr(part, target) for name, target in _PARTICLES.items()}
     if frame:
@@ -103,7 +108,7 @@ def particles_of(shots):
             if name in shot.columns:
                 values = np.asarray(shot.columns[name], float)
                 values = values[:, :dim] if values.ndim == 2 else values
-                given[target] = np.full((len(ids), *values.shape[1:]), np.nan)
+                given[target] = np.full((len(ids), *values.shape[1:]), 0 if name == "reinsertions" else np.nan)
                 given[target][at] = values
         box = None if shot.box is None or not np.isfinite(shot.box[1, :dim]).any() else shot.box[:, :dim]
         result.append(Particles(**given, active=np.isin(ids, shot.ids), ids=ids, box=box, time=shot.time))

@@ -198,7 +198,7 @@ def _snapshot(path, number):
         box[:, :given.shape[1]] = given
         box[1] = np.where(box[1] > 0, box[1], np.inf)
     columns = {"position": points}
-    for name in ("radius", "mass"):
+    for name in ("radius", "mass", "reinsertions"):
         if name in data:
             columns[name] = data[name].astype(float)
     if "velocity" in data:

@@ -87,5 +87,5 @@ def _frame(place, header, rows, number):
         box = np.stack([origin, np.where(periodic, np.diag(size), np.inf)])
     ids = values["id"][:, 0].astype(int) if "id" in names else np.arange(len(rows))
     columns = {"position": values["pos"]} | ({"velocity": values["velo"]} if "velo" in values else {})
-    columns |= {name: values[name][:, 0] for name in ("radius", "mass") if name in values}
+    columns |= {name: values[name][:, 0] for name in ("radius", "mass", "reinsertions") if name in values}
     return Snapshot(float(words.get("time", number)), number, dim, box, checked_ids(place, ids), columns)
