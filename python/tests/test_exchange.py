@@ -221,17 +221,25 @@ def test_meshio_and_ase_read_the_files(tmp_path):
     ("a.xyz", "3\n\nC 0 0 0\n", "3 particles are announced and 1 there; the file is cut"),
     ("a.xyz", '1\nProperties=species:S:1:v:R:3\nC 0 0 0\n', "Properties has no pos"),
     ("a.xyz", "1\n\nC 0 zero 0\n", "is not a table of numbers"),
-    ("a.xyz", "1\n\nC 0 0\n", "is not a table of numbers"),
+    ("a.xyz", "1\n\nC 0 0\n", "frame 0 (line 3): 3 columns instead of 4; the file is cut or damaged"),
+    ("a.xyz", "1\n\nC 0 0 0 0\n", "frame 0 (line 3): 5 columns instead of 4"),
+    ("a.xyz", "1\n\nC 0 0 0\n1\n\nC 0 0 0.1", "frame 1 (line 6): the line has no end; the file is cut"),
+    ("a.xyz", "1\n\nC 0 0 0\n\n1\n\nC 0 0 0\n", "frame 1 (line 4): '' is not the number of particles"),
+    ("a.xyz", "-2\n\n", "frame 0 (line 1): '-2' is not the number of particles"),
+    ("a.xyz", "", "has no frame; is the file cut?"),
+    ("a.dump", "", "has no frame; is the file cut?"),
+    ("a.pvd", "<VTKFile/>", "has no frame; is the file cut?"),
     ("a.xyz", "1\n\nC 0 0 nan\n", "a particle has no position"),
     ("a.xyz", "1\nProperties=pos:R:3:radius:R:1\n0 0 0 -1\n", "radii of particle 0 is -1; it must be positive"),
     ("a.xyz", '1\nLattice="1 1 0 0 1 0 0 0 1"\nC 0 0 0\n', "the Lattice is not rectangular"),
     ("a.xyz", "2\nProperties=id:I:1:pos:R:3\n4 0 0 0\n4 1 1 1\n", "the id 4 occurs twice"),
-    ("a.dump", "hello\n", "line 1: 'hello' is not an ITEM"),
+    ("a.dump", "hello\n", "frame 0 (line 1): 'hello' is not an ITEM"),
     ("a.dump", "ITEM: TIMESTEP\nx\n", "not a number"),
-    ("a.dump", "ITEM: TIMESTEP\n", "line 1: the file is cut"),
+    ("a.dump", "ITEM: TIMESTEP\n", "frame 0 (line 1): the file is cut"),
     ("a.dump", "ITEM: BOX BOUNDS xy xz yz pp pp pp\n", "the box is not rectangular"),
     ("a.dump", "ITEM: BOX BOUNDS pp pp pp\n0 1 0.3\n0 1 0\n0 1 0\n", "the box is not rectangular"),
     ("a.dump", "ITEM: ATOMS id x y z\n", "ITEM: ATOMS comes before"),
+    ("a.dump", "ITEM: NUMBER OF ATOMS\n-1\n", "frame 0 (line 2): the number of atoms is -1"),
     ("a.dump", "ITEM: NUMBER OF ATOMS\n1\nITEM: BOX BOUNDS pp pp pp\n0 1\n0 1\n0 1\nITEM: ATOMS id q\n1 1\n",
      "the atoms need numbers x y z"),
     ("a.vtu", "no xml", "is not XML"),
@@ -242,6 +250,22 @@ def test_damaged_files_name_the_place(tmp_path, name, text, message):
     (tmp_path / name).write_text(text, encoding="utf-8")
     with pytest.raises(RunError, match=re.escape(message)):
         exchange.read(tmp_path / name)
+
+
+@pytest.mark.parametrize("suffix", ("xyz", "dump"))
+def test_a_file_is_cut_anywhere(tmp_path, suffix):
+    """Files are read without their last frames, or refused."""
+    file = tmp_path / f"a.{suffix}"
+    exchange.write(moving(None), file)
+    text = file.read_text(encoding="utf-8")
+    read = {}
+    for end in range(len(text)):
+        file.write_text(text[:end], encoding="utf-8")
+        try:
+            read[end] = len(exchange.read(file))
+        except RunError as error:
+            assert str(error).startswith(f"{file}: ")
+    assert list(read.values()) == [1] and text[next(iter(read)):].startswith({"xyz": "3\n", "dump": "ITEM: TIMESTEP"}[suffix])
 
 
 def test_wrong_requests(tmp_path, soft):

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ..errors import OutputError, RunError
 from . import lammps, vtk, xyz
-from .snapshot import snapshots
+from .snapshot import particles_of, snapshots
 
 _FORMATS = {".xyz": xyz, ".extxyz": xyz, ".dump": lammps, ".lammpstrj": lammps, ".pvd": vtk, ".vtu": vtk}
 
@@ -48,7 +48,10 @@ def read(path):
     if not path.is_file():
         raise RunError(f"{path}: no such file")
     try:
-        return reader.read(path)
+        shots = reader.read(path)
+        if not shots:
+            raise RunError(f"{path}: has no frame; is the file cut?")
+        return particles_of(shots)
     except UnicodeDecodeError:
         raise RunError(f"{path}: is not a text; is it compressed?") from None
     except ValueError as error:

@@ -11,7 +11,7 @@ import pandas as pd
 
 from ..errors import RunError
 from ..files import write_atomically
-from .snapshot import Snapshot, checked_ids, dimension, particles_of, table_of
+from .snapshot import Snapshot, check_rows, checked_ids, dimension, table_of
 
 _TYPES = 32
 _AXES = "xyz"
@@ -53,6 +53,7 @@ class _Lines:
 
     def __init__(self, path):
         self.path, self.lines, self.at = path, path.read_text(encoding="utf-8").splitlines(keepends=True), 0
+        self.frame = 0
 
     def next(self):
         if self.at >= len(self.lines):
@@ -61,19 +62,20 @@ class _Lines:
         return self.lines[self.at - 1].strip()
 
     def error(self, why):
-        return RunError(f"{self.path}: line {self.at}: {why}")
+        return RunError(f"{self.path}: frame {self.frame} (line {self.at}): {why}")
 
 
 def read(path):
-    """[Particles] of all frames of a file, with x y z or xu yu zu (unwrapped) or xs ys zs (scaled); ids from 0 on."""
+    """[Snapshot] of all frames of a file, with x y z or xu yu zu (unwrapped) or xs ys zs (scaled); ids from 0 on."""
     lines, shots = _Lines(path), []
     while lines.at < len(lines.lines):
-        shots.append(_frame(lines, len(shots)))
-    return particles_of(shots)
+        lines.frame = len(shots)
+        shots.append(_frame(lines))
+    return shots
 
 
-def _frame(lines, number):
-    step, time, count, bounds, periodic = number, None, None, None, None
+def _frame(lines):
+    step, time, count, bounds, periodic = lines.frame, None, None, None, None
     while True:
         item = lines.next()
         try:
@@ -83,6 +85,8 @@ def _frame(lines, number):
                 time = float(lines.next())
             elif item == "ITEM: NUMBER OF ATOMS":
                 count = int(lines.next())
+                if count < 0:
+                    raise lines.error(f"the number of atoms is {count}")
             elif item.startswith("ITEM: BOX BOUNDS"):
                 periodic = [word == "pp" for word in item.split()[3:]]
                 rows = [lines.next().split() for _ in range(3 if len(periodic) == 3 else 0)]
@@ -103,6 +107,7 @@ def _frame(lines, number):
     rows = lines.lines[lines.at:lines.at + count]
     if len(rows) < count:
         raise lines.error(f"{count} particles are announced and {len(rows)} there; the file is cut")
+    check_rows(lines.path, lines.frame, lines.at + 1, rows, len(names))
     try:
         table = table_of(rows, names)
         columns = _columns(table, bounds)

@@ -98,8 +98,8 @@ def _contacts(part):
 def particles_of(shots):
     """[Particles] of the Snapshots of a file, whose vectors have three components: in 2D if all are flat (dim = 2). Row k is the
     particle with the k-th of all ids in the file."""
-    ids = np.unique(np.concatenate([shot.ids for shot in shots])) if shots else np.zeros(0, int)
-    dim = max((shot.dim for shot in shots), default=3)
+    ids = np.unique(np.concatenate([shot.ids for shot in shots]))
+    dim = max(shot.dim for shot in shots)
     result = []
     for shot in shots:
         at = np.searchsorted(ids, shot.ids)
@@ -131,6 +131,16 @@ def dimension(places, flat=False):
 def three(values):
     """[n, 3] of vectors [n, D], with zeros."""
     return np.pad(values, ((0, 0), (0, 3 - values.shape[1])))
+
+
+def check_rows(path, frame, first, rows, columns):
+    """RunError unless all lines of a frame, whose first one is line `first` of the file, have as many columns and an end."""
+    for line, row in enumerate(rows, first):
+        found = len(row.split())
+        if found != columns:
+            raise RunError(f"{path}: frame {frame} (line {line}): {found} columns instead of {columns}; the file is cut or damaged")
+        if not row.endswith("\n"):
+            raise RunError(f"{path}: frame {frame} (line {line}): the line has no end; the file is cut, or end its last line")
 
 
 def table_of(rows, names):

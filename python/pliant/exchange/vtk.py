@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import RunError
 from ..files import write_atomically
-from .snapshot import Snapshot, checked_ids, dimension, particles_of, three
+from .snapshot import Snapshot, checked_ids, dimension, three
 
 _VERTEX, _LINE, _POLYGON = 1, 3, 7
 _TYPES = {"Float32": "f4", "Float64": "f8", "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2", "Int32": "i4",
@@ -96,9 +96,9 @@ def _contacts(shot):
 # ---- reading -----------------------------------------------------------------------------------------------------------
 
 def read(path):
-    """[Particles]: of the files of a .pvd whose part is 0, in the order of their times, or of one .vtu."""
+    """[Snapshot]: of the files of a .pvd whose part is 0, in the order of their times, or of one .vtu."""
     if path.suffix.lower() == ".vtu":
-        return particles_of([_snapshot(path, 0)])
+        return [_snapshot(path, 0)]
     root = _parsed(path, path.read_bytes())
     entries = [(float(e.get("timestep", 0)), e.get("file", "")) for e in root.iter("DataSet") if e.get("part", "0") == "0"]
     shots = []
@@ -109,7 +109,7 @@ def read(path):
         shot = _snapshot(file, number)
         shot.time = time
         shots.append(shot)
-    return particles_of(shots)
+    return shots
 
 
 def _parsed(path, data):

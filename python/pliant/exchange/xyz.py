@@ -12,7 +12,7 @@ import pandas as pd
 
 from ..errors import RunError
 from ..files import write_atomically
-from .snapshot import Snapshot, checked_ids, dimension, particles_of, table_of, three
+from .snapshot import Snapshot, check_rows, checked_ids, dimension, table_of, three
 
 #: Columns with other names in the file, so that OVITO recognises them.
 _NAMES = {"position": "pos", "velocity": "velo"}
@@ -43,23 +43,27 @@ def write(shots, path):
 
 
 def read(path):
-    """[Particles] of all frames of a file."""
+    """[Snapshot] of all frames of a file."""
     lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    end = max((number for number, line in enumerate(lines, 1) if line.strip()), default=0)
     shots, at = [], 0
-    while at < len(lines) and lines[at].strip():
+    while at < end:
         place = f"{path}: frame {len(shots)} (line {at + 1})"
         try:
             count = int(lines[at])
+            if count < 0:
+                raise ValueError
         except ValueError:
             raise RunError(f"{place}: '{lines[at].strip()}' is not the number of particles; is the file extended XYZ?") from None
         if at + 2 + count > len(lines):
             raise RunError(f"{place}: {count} particles are announced and {max(len(lines) - at - 2, 0)} there; the file is cut")
-        shots.append(_frame(place, lines[at + 1], lines[at + 2:at + 2 + count], len(shots)))
+        shots.append(_frame(path, len(shots), at + 1, lines[at + 1], lines[at + 2:at + 2 + count]))
         at += 2 + count
-    return particles_of(shots)
+    return shots
 
 
-def _frame(place, header, rows, number):
+def _frame(path, number, line, header, rows):
+    place = f"{path}: frame {number} (line {line})"
     words = {key.lower(): quoted or plain for key, quoted, plain in _WORDS.findall(header)}
     properties = words.get("properties", "species:S:1:pos:R:3").split(":")
     names, at = {}, 0
@@ -68,6 +72,7 @@ def _frame(place, header, rows, number):
         at += int(width)
     if "pos" not in names:
         raise RunError(f"{place}: Properties has no pos; write positions as pos:R:3")
+    check_rows(path, number, line + 2, rows, at)
     try:
         table = table_of(rows, range(at))
         values = {name: table.iloc[:, first:first + width].to_numpy(float) for name, (first, width, kind) in names.items()
