@@ -285,6 +285,19 @@ def test_wrong_requests(tmp_path, soft):
     assert not (tmp_path / "a.xyz").exists()
 
 
+@pytest.mark.parametrize("name", ("radius", "Radius", "mass", "position", "pos", "velocity", "velo", "vx", "species", "reinsertions", "id"))
+def test_further_columns_replace_no_others(tmp_path, name):
+    for suffix in SUFFIXES:
+        with pytest.raises(ValueError, match=re.escape(f"'{name}' cannot be the name of a field")):
+            exchange.write(Particles(np.eye(3, 2), 0.5), tmp_path / f"a.{suffix}", lambda p: {name: np.ones(3)})
+        assert not any(tmp_path.iterdir())
+
+
+def test_further_columns_replace_no_field_of_the_frame(tmp_path, rough):
+    with Run(rough[0]) as run, pytest.raises(ValueError, match="'area' cannot be the name of a field"):
+        exchange.write(run, tmp_path / "a.xyz", lambda frame: {"area": np.ones(len(frame.active))})
+
+
 @pytest.mark.parametrize("suffix", (*SUFFIXES, "vtu"))
 def test_no_file_holds_a_tilted_box(tmp_path, suffix):
     part = Particles(np.eye(2), 0.5, box=[3, 3], tilt=[0.4])

@@ -28,8 +28,8 @@ def write(source, path, fields=None):
     `path`: its suffix selects the format. .xyz and .dump hold all frames, .vtu a single one. .pvd is a list of the files
     NAME-000000.vtu, … next to it with the particles, and NAME-contacts-000000.vtu, … with lines between touching particles, if
     the frames have contacts. `fields`: function of each Frame or Particles that returns further columns, {name: values [N] or
-    [N, D]}, for example of `pliant.analysis`. Existing files are replaced. Raises OutputError, and ValueError for
-    wrong fields and for a tilted box."""
+    [N, D]}, for example of `pliant.analysis`, with names that no other column has. Existing files are replaced. Raises
+    OutputError, and ValueError for wrong fields and for a tilted box."""
     path = Path(path)
     writer = _format(path)
     if not path.parent.is_dir():

@@ -17,6 +17,8 @@ _FRAME_FIELDS = ("contact_count", "angles", "spins", "area", "perimeter", "volum
 #: Columns of files, and the fields of Particles.
 _PARTICLES = {"position": "positions", "radius": "radii", "velocity": "velocities", "mass": "masses",
               "reinsertions": "reinsertions"}
+#: Columns of single formats.
+_FILE_COLUMNS = ("id", "type", "species", "x", "y", "z", "vx", "vy", "vz", "pos", "velo")
 
 
 @dataclass
@@ -73,8 +75,9 @@ def _of(source, number, fields):
         if given.shape not in ((part.count,), (part.count, part.dim)) or given.dtype.kind not in "biuf":
             raise ValueError(f"the field '{name}' has the shape {list(given.shape)} and type {given.dtype}; give numbers "
                              f"[{part.count}] or [{part.count}, {part.dim}]")
-        if not name.isidentifier() or name in ("id", "type", "x", "y", "z"):
-            raise ValueError(f"'{name}' cannot be the name of a field; use letters, digits and _, and none of id, type, x, y, z")
+        if not name.isidentifier() or name.lower() in (*_FILE_COLUMNS, *map(str.lower, values)):
+            raise ValueError(f"'{name}' cannot be the name of a field; use letters, digits and _, and no name of another column: "
+                             f"{', '.join(dict.fromkeys((*_FILE_COLUMNS, *values)))}")
         values[name] = given
     columns = {name: np.asarray(data)[here] for name, data in values.items() if data is not None}
     outlines = None
