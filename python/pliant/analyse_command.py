@@ -12,6 +12,7 @@ import numpy as np
 from . import channel_analysis as channel, tracks
 from .errors import RunError
 from .files import finite, read_json, write_json
+from .run import Run
 from .script import check_output, markdown, with_error
 
 _DESCRIPTION = """Non-affine motion of disks that are pushed through a channel: mean displacement field, non-affine
@@ -35,14 +36,25 @@ def result_path(path):
 
 
 def load_result(path):
-    """The analysis of a run folder, of a table, or in a .json file, with NaN for null. Raises RunError."""
+    """The analysis of a run folder, of a table, or in a .json file, with NaN for null. Raises RunError, also where a run folder has
+    an analysis of an earlier state of the run."""
     path = Path(path)
     if not path.exists():
         raise RunError(f"{path}: no such file or folder")
     file = path if path.suffix == ".json" else result_path(path)
     if not file.exists():
         raise RunError(f"{path}: there is no {file.name}; write it by pliant-analyse channel {path}")
+    result = read_result(file)
+    if file.name == RESULT and (file.parent / "run.h5").exists():
+        with Run(file.parent) as run:
+            if result["run"] != tracks.state_of(run):
+                raise RunError(f"{file}: the run has changed since this analysis, or an older version wrote it; repeat it by "
+                               f"pliant-analyse channel {file.parent}")
+    return result
 
+
+def read_result(file):
+    """The analysis in a .json file, with NaN for null; of any state of its run. Raises RunError."""
     def known(value):
         if isinstance(value, dict):
             return {key: known(entry) for key, entry in value.items()}
@@ -53,8 +65,9 @@ def load_result(path):
     result = read_json(file)
     if result is None or result.get("analysis") != "channel" or not isinstance(result.get("choices"), dict):
         raise RunError(f"{file}: not an analysis of a channel (write it by pliant-analyse channel)")
-    choices = result.pop("choices")  # there null means: not used
-    return known(result) | {"choices": choices}
+    # There null means: not used, no run.
+    plain = {"choices": result.pop("choices"), "run": result.pop("run", None)}
+    return known(result) | plain
 
 
 def write_result(path, result):

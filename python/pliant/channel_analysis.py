@@ -425,7 +425,7 @@ def _result(a, interval, intervals, field_of, clock, clock_strain):
     times = np.concatenate([push.time[after] - push.time[before] for push in run.pushes
                             for before, after in [a.pairs(push, interval)]])
     result = {
-        "analysis": "channel", "source": run.source, "choices": asdict(choices),
+        "analysis": "channel", "source": run.source, "run": run.run, "choices": asdict(choices),
         "units": {"length": "cm", "time": "s", "angle": "rad", "dr_na": "<R>", "d2_min": "<R>^2"},
         "mean_radius": run.mean_radius, "polydispersity": run.polydispersity,
         "pushes": len(run.pushes), "frames": run.frames,

@@ -47,6 +47,7 @@ class Tracks:
 
     source: str
     pushes: tuple
+    run: dict | None = None  #: state_of the run that they were read from
 
     @cached_property
     def _seen(self):
@@ -110,6 +111,12 @@ def _check_travel(source, push, travel):
                        f"({' and '.join(f'{t:g}' for t in travel[at:at + 2])} cm)")
 
 
+def state_of(run):
+    """Identifies the run and its last frame: {created, frames, time}."""
+    times = run.frame_times.tolist()
+    return {"created": run.manifest.get("created"), "frames": len(times), "time": times[-1] if times else None}
+
+
 def from_run(path, angle_period=2 * np.pi):
     """Tracks of the frames of a run. Raises RunError if they have no `push` and `plunger_travel`."""
     with Run(path) as run:
@@ -120,7 +127,7 @@ def from_run(path, angle_period=2 * np.pi):
             number, travel = (frame.attribute(name, "the scenario channel") for name in ("push", "plunger_travel"))
             position = np.where(frame.active[:, None], frame.centres, np.nan)
             by_push.setdefault(int(number), []).append((int(frame.name), frame.time, travel, position, frame.angles))
-        radius = run.topology.sigma / 2
+        radius, state = run.topology.sigma / 2, state_of(run)
     pushes = []
     for number, rows in sorted(by_push.items()):
         name, time, travel, position, angle = zip(*rows)
@@ -128,7 +135,7 @@ def from_run(path, angle_period=2 * np.pi):
         angle = None if any(a is None for a in angle) else _unwrapped(np.array(angle), angle_period)
         pushes.append(Push(number, np.array(name), np.array(time), np.array(travel, float), np.array(position), radius,
                            np.arange(len(radius)), angle))
-    return Tracks(str(path), tuple(pushes))
+    return Tracks(str(path), tuple(pushes), state)
 
 
 def _numbers(source, table, column):

@@ -7,6 +7,7 @@ import sys
 from dataclasses import fields
 from pathlib import Path
 
+import h5py
 import pytest
 from synthetic_channel import channel_tracks, tracks_table, write_channel_run
 
@@ -108,6 +109,46 @@ def test_the_page_has_every_option():
     options = [action.option_strings[-1] for action in parser._actions if action.option_strings]
     assert len(options) > 30
     assert [name for name in options if f"`{name}" not in page] == []
+
+
+def continued(run):
+    """Adds a frame to a run."""
+    with h5py.File(run / "run.h5", "a") as file:
+        file.copy(file["frames/000047"], file["frames"], "000048")
+        file["frames/000048"].attrs.update({"time": 100.0, "push": 4, "plunger_travel": 0.0})
+
+
+def created(run):
+    """Another run in the same folder."""
+    with h5py.File(run / "run.h5", "a") as file:
+        file["manifest"].attrs["created"] = "2026-01-01T00:00:00Z"
+
+
+def begun_again(run):
+    """Another run in the same folder, without frames so far."""
+    with h5py.File(run / "run.h5", "a") as file:
+        del file["frames"]
+
+
+def of_an_older_version(run):
+    result = json.loads((run / "analysis.json").read_text(encoding="utf-8"))
+    del result["run"], result["format"], result["crc32"]
+    (run / "analysis.json").write_text(json.dumps(result), encoding="utf-8")
+
+
+@pytest.mark.parametrize("change", (continued, created, begun_again, of_an_older_version))
+def test_an_analysis_of_an_earlier_state_of_the_run_is_refused(tmp_path, change):
+    run = write_channel_run(tmp_path / "run", channel_tracks())
+    analyse_command.main(["channel", str(run), *QUICK])
+    for path in (run, run / "analysis.json"):
+        assert analyse_command.load_result(path)["pushes"] == 3
+    change(run)
+    for path in (run, run / "analysis.json"):
+        with pytest.raises(RunError, match=f"the run has changed since .* repeat it by pliant-analyse channel {run}"):
+            analyse_command.load_result(path)
+    if change is continued:
+        analyse_command.main(["channel", str(run), *QUICK])
+        assert analyse_command.load_result(run)["pushes"] == 4
 
 
 def test_results_that_are_not_there(tmp_path, made):

@@ -283,6 +283,7 @@ def test_a_table_and_a_run_give_the_same(tmp_path):
     run, table = tracks.load(tmp_path / "run"), tracks.load(tmp_path / "tracks.csv")
     assert [p.present.sum() for p in run.pushes] == [p.present.sum() for p in table.pushes]
     a, b = channel.analyse([run, table], QUICK)
+    assert a.pop("run") == {"created": None, "frames": run.frames, "time": made_tracks.pushes[-1].time[-1]} and b.pop("run") is None
     same(a, b)
     assert a["samples"] < 4 * 7 * 120
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .. import channel_analysis as channel, channel_figures, raft_analysis as raft, tracks
-from ..analyse_command import load_result, result_path, write_result
+from ..analyse_command import read_result, result_path, write_result
 from ..errors import RunError
 from ..flow import axis_velocity
 from ..run import Run
@@ -152,12 +152,12 @@ def _columns_of(result, names, region, end=""):
 
 
 def _channel(run):
-    """The analysis in the run's folder, if it has the default choices and is not older than the run; else a new
+    """The analysis in the run's folder, if it has the default choices and belongs to the present state of the run; else a new
     analysis, which is stored there."""
-    path, done = result_path(run.path), run.path / "summary.json"
-    if path.exists() and done.exists() and path.stat().st_mtime >= done.stat().st_mtime:
-        result = load_result(path)
-        if channel_figures.choices_of(result) == channel.Choices():
+    path = result_path(run.path)
+    if path.exists():
+        result = read_result(path)
+        if result["run"] == tracks.state_of(run) and channel_figures.choices_of(result) == channel.Choices():
             return result
     result, = channel.analyse([tracks.load(run.path)])
     write_result(path, result)
