@@ -27,6 +27,8 @@ _TYPES = {"real": float, "integer": int, "yes|no": bool, "text": str}
 
 def _text(name, value):
     """The value of an option as the command line has it; None for an option without a value."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
     if isinstance(value, (bool, np.bool_)):
         return None if value else "false"
     if isinstance(value, numbers.Integral):

@@ -161,6 +161,18 @@ def test_values_of_all_kinds(tmp_path):
     assert options["frame_fields"]["value"] == "velocities,contacts" and options["allow_energy_error"]["value"] is True
 
 
+def test_arrays_without_dimension_are_single_values(tmp_path):
+    run = pliant.hopper(n=np.array(40), hopper_width=np.array(3.0), hopper_wall_distance=8, allow_energy_error=np.array(True),
+                        frame_fields=np.array("velocities"), max_wall_time=1e-9, output=tmp_path / "run", quiet=True)
+    options = run.summary["parameters"]
+    assert options["n"]["value"] == 40 and options["hopper_width"]["value"] == 3
+    assert options["frame_fields"]["value"] == "velocities" and options["allow_energy_error"]["value"] is True
+    sim = pliant.Simulation([[0, 0], [0.9, 0]], 1, e_sp=np.array(3.0))
+    first = sim.energies["pair"]
+    sim.set(e_sp=np.array(6.0))
+    assert first > 0 and sim.energies["pair"] == 2 * first
+
+
 def test_help_lists_the_options_of_the_program(program):
     import json
     names = json.loads(program("hopper", "-help_json").stdout)
