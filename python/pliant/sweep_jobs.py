@@ -16,7 +16,7 @@ from functools import cached_property
 from pathlib import Path
 
 from .errors import OutputError, RunError
-from .files import no_links, read_bytes, read_json, write_json
+from .files import no_links, open_regular, read_bytes, read_json, write_json
 from .follow import holder
 from .script import remark
 from .sweep_ensembles import FOLDER, EnsembleFolder, consecutive
@@ -39,6 +39,9 @@ _LENGTHS = ("t_end", "pushes")
 #: Options of rows that do not run in an ensemble: they would be options of all runs together.
 _ALONE = ("threads", "max_wall_time")
 _LARGEST_OPTIONS = 1 << 16  # bytes of an options file that the program reads
+#: Options whose value names an input file; `-obstacle` may name several.
+_FILE_OPTIONS = ("start", "outline", "mesh", "shape_outline")
+_FILE = "file "  # before the name of an input file among changed options
 # Time between two checks of a running ensemble: at least this, in s, and so many times the time of a check.
 _LEAST_PAUSE, _PATIENCE = 1.0, 20
 
@@ -113,7 +116,7 @@ class RowFolder:
         record = read_json(path) or {}
         run = record.get("run")
         if not (run is None or (isinstance(run, dict) and isinstance(run.get("scenario"), str) and _is_text(run.get("options")))
-                ) or not isinstance(record.get("exit_code"), (int, type(None))) or not isinstance(record.get("message", ""), str
+                ) or not isinstance((run or {}).get("files_sha256", {}), dict) or not isinstance(record.get("exit_code"), (int, type(None))) or not isinstance(record.get("message", ""), str
                 ) or not _is_name(record.get("ensemble", "name")):
             raise RunError(f"{path}: is not a record of a sweep; restore it from a backup, or delete {self.path} to run the row again")
         return record
@@ -137,8 +140,10 @@ class RowFolder:
 
     @cached_property
     def _identity(self):
-        """The settings that must not change once a run exists: scenario, options, and the content of options files."""
+        """The settings that must not change once a run exists: scenario, options, and the contents of input files (null: of
+        files that cannot be read)."""
         identity = {"scenario": self.row.scenario, "options": self.row.options}
+        files = {name: _checksum(self.base / name) for name in input_files(self.row.options)}
         if "options_file" in self.row.options:
             path = self.base / self.row.options["options_file"]
             try:
@@ -147,15 +152,17 @@ class RowFolder:
                 raise RunError(f"row '{self.row.id}': options_file {error}") from None
             if content is None:
                 raise RunError(f"row '{self.row.id}': options_file {path} cannot be read (No such file or directory)")
-            identity["options_file_sha256"] = hashlib.sha256(content).hexdigest()
-        return identity
+            files[self.row.options["options_file"]] = hashlib.sha256(content).hexdigest()
+        return identity | ({"files_sha256": files} if files else {})
 
     def _changes(self, before):
-        """{option: (old, new)} of the row against an earlier run; None: not given. Options that are not kept on restart do not count."""
-        old, new = ({"scenario": run["scenario"], "options_file_sha256": run.get("options_file_sha256")} | run["options"]
-                    for run in (before, self._identity))
+        """{option or file: (old, new)} of the row against an earlier run; None: not given, or a file that cannot be read. Options
+        that are not kept on restart do not count, nor do files without a checksum in row.json."""
+        old, new = ({"scenario": run["scenario"]} | run["options"] for run in (before, self._identity))
         changed = {name: (old.get(name), new.get(name)) for name in sorted(old | new) if old.get(name) != new.get(name)}
-        return {name: both for name, both in changed.items() if self._rule(name) != "not kept"}
+        old, new = _checksums(before), _checksums(self._identity)
+        return ({name: both for name, both in changed.items() if self._rule(name) != "not kept"}
+                | {_FILE + name: (old[name], new[name]) for name in old if name in new and old[name] != new[name]})
 
     def _rule(self, name):
         return restart_rules(self._program, self.row.scenario).get(name) if self._program else None
@@ -176,12 +183,8 @@ class RowFolder:
         changes = self._changes(before)
         if self._extends(changes):
             return
-        if changes.pop("options_file_sha256", None) and not changes:
-            text = "the options file has changed"
-        else:
-            text = _changes_text(changes)
-        raise RunError(f"row '{self.row.id}' (line {self.row.line}) was run with other options: {text}. Give the row "
-                       f"another name, or delete {self.path} to run it again")
+        raise RunError(f"row '{self.row.id}' (line {self.row.line}) was run with other options: {_changes_text(changes)}. Give the "
+                       f"row another name, or delete {self.path} to run it again")
 
     def state(self):
         """The status of the row."""
@@ -322,9 +325,48 @@ def _is_name(value):
 
 
 def _changes_text(changes):
-    """'a was 1 and is 2; b was not given and is 0'."""
-    return "; ".join(f"{name} was {'not given' if old is None else old} and is {'not given' if new is None else new}"
-                     for name, (old, new) in changes.items())
+    """'a was 1 and is 2; b was not given and is 0; the file c.txt has changed'."""
+    return "; ".join(_change_text(name, old, new) for name, (old, new) in changes.items())
+
+
+def _change_text(name, old, new):
+    if name.startswith(_FILE):
+        return f"the {name} {'cannot be read' if new is None else 'has changed'}"
+    return f"{name} was {'not given' if old is None else old} and is {'not given' if new is None else new}"
+
+
+def input_files(options):
+    """Names of the input files of a row, as in the table, except the options file."""
+    names = [re.sub(r"(?<=\.h5):[0-9]+$", "", options[name]) for name in _FILE_OPTIONS if name in options]  # FILE.h5:FRAME
+    obstacles = re.split(r"(?:^|[,;\s])(disk|polygon):", options.get("obstacle", ""))
+    polygons = [value.strip(",; ") for kind, value in zip(obstacles[1::2], obstacles[2::2]) if kind == "polygon"]
+    return names + [value for value in polygons if not all(map(is_number, re.split("[, ]+", value)))]  # else corners
+
+
+def _checksum(path):
+    """SHA-256 of the content of a regular file; None if it cannot be read."""
+    try:
+        with open(path, "rb", opener=open_regular) as file:
+            status = os.fstat(file.fileno())
+        return _checksum_of_version(path, status.st_ino, status.st_size, status.st_ctime_ns)
+    except (OSError, ValueError, RunError):
+        return None
+
+
+@functools.cache
+def _checksum_of_version(path, *_version):
+    """Rows with the same file read it once."""
+    checksum = hashlib.sha256()
+    with open(path, "rb", opener=open_regular) as file:
+        while block := file.read(1 << 20):
+            checksum.update(block)
+    return checksum.hexdigest()
+
+
+def _checksums(run):
+    """{name of an input file: checksum} of a row.json, which formerly had the checksum of the options file alone."""
+    former = {run["options"].get("options_file"): run["options_file_sha256"]} if "options_file_sha256" in run else {}
+    return former | run.get("files_sha256", {})
 
 
 def arguments(options, base):

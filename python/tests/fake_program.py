@@ -12,7 +12,8 @@ import socket
 import sys
 import time
 
-KNOWN = ("a", "b", "mode", "seed", "t_end", "threads", "options_file", "output", "restart")
+KNOWN = ("a", "b", "mode", "seed", "t_end", "threads", "options_file", "start", "outline", "mesh", "shape_outline", "obstacle", "output",
+         "restart")
 
 
 def fail(code, message):

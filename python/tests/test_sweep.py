@@ -189,6 +189,7 @@ def test_options_files_that_are_no_files(file, message, table, tmp_path, run):
     "", "null", "3", "[]", '"text"', "{", "\0", "[" * 100000, '{"run": []}', '{"run": 3}', '{"run": {"scenario": "hopper"}}',
     '{"run": {"options": {}}}', '{"run": {"scenario": "hopper", "options": []}}',
     '{"run": {"scenario": "hopper", "options": {"a": 1}}}', '{"run": {"scenario": "hopper", "options": {"a": "1"}}, "exit_code": "0"}',
+    '{"run": {"scenario": "hopper", "options": {"a": "1"}, "files_sha256": []}}',
     '{"run": {"scenario": "hopper", "options": {"a": "1"}}, "exit_code": 1, "message": []}',
     '{"run": {"scenario": "hopper", "options": {"a": "1"}}, "ensemble": 1}', '{"run": {"scenario": "hopper", "options": {"a": "1"}}, "ensemble": "../x"}'])
 def test_records_of_other_shapes(text, table, tmp_path, run):
@@ -305,9 +306,51 @@ def test_options_files_belong_to_the_options(table, tmp_path, run):
     run(path)
     assert attempts(path, "options_file=o.yaml") == [0]
     (tmp_path / "o.yaml").write_text("a: 2\n", encoding="utf-8")
-    assert "the options file has changed" in run(path, code=2)
+    assert "the file o.yaml has changed" in run(path, code=2)
     (tmp_path / "o.yaml").unlink()
     assert "o.yaml cannot be read" in run(path, code=2)
+
+
+@pytest.mark.parametrize("option, value", [
+    ("start", "f.csv"), ("start", "f.h5:3"), ("outline", "f.txt"), ("mesh", "f.off"), ("shape_outline", "f.txt"),
+    ("obstacle", "polygon:f.txt"), ("obstacle", '"disk:0,4,1,polygon:1,2,3,4,4,4; polygon:f,1.txt"')])
+def test_input_files_belong_to_the_options(option, value, table, tmp_path, run):
+    name = {"start": value.split(":")[0], "obstacle": "f,1.txt" if "," in value else "f.txt"}.get(option, value)
+    file = tmp_path / name
+    file.write_text("1", encoding="utf-8")
+    path = table(f"name,{option}", f"x,{value}")
+    run(path)
+    run(path)
+    assert attempts(path, "x") == [0]
+    file.write_text("2", encoding="utf-8")
+    for mode in ((), ("--status",), ("--merge",), ("--row", 1)):
+        assert f"row 'x' (line 2) was run with other options: the file {name} has changed. Give" in run(path, *mode, code=2)
+    file.unlink()
+    assert f"the file {name} cannot be read" in run(path, code=2)
+    file.write_text("1", encoding="utf-8")
+    assert "done 1/1" in run(path)
+
+
+def test_rows_without_checksums_of_files_are_accepted(table, tmp_path, run):
+    """As earlier versions wrote row.json, with the checksum of the options file alone."""
+    for name in ("o.yaml", "f.csv"):
+        (tmp_path / name).write_text("1", encoding="utf-8")
+    path, record = table("name,options_file,start", "x,o.yaml,f.csv"), tmp_path / "t/x/row.json"
+    run(path)
+    before = read_json(record)
+    before["run"]["options_file_sha256"] = before["run"].pop("files_sha256")["o.yaml"]
+    record.write_text(json.dumps(before), encoding="utf-8")
+    (tmp_path / "f.csv").write_text("2", encoding="utf-8")
+    assert "done 1/1" in run(path) and attempts(path, "x") == [0]
+    (tmp_path / "o.yaml").write_text("2", encoding="utf-8")
+    assert "the file o.yaml has changed" in run(path, code=2)
+
+
+def test_a_failure_is_tried_again_with_another_input_file(table, tmp_path):
+    path = table("name,a,start", "x,-1,f.csv")
+    assert sweep(path)["x"].kind == sweep(path)["x"].kind == "failed"
+    (tmp_path / "f.csv").write_text("1", encoding="utf-8")
+    assert RowFolder(tmp_path / "t", rows_of(path)[0], tmp_path, PROGRAM).state().kind == "waiting"
 
 
 def test_foreign_runs_are_left_alone(table, tmp_path, run):

@@ -306,6 +306,17 @@ def test_a_longer_row_of_an_ensemble_starts_again(tmp_path):
         assert_same_rows(tmp_path / f"t/x,seed={seed}", tmp_path / str(seed))
 
 
+@pytest.mark.parametrize("more", [[], ["--ensembles"]], ids=str)
+def test_a_changed_obstacle_is_an_error(more, tmp_path):
+    (tmp_path / "ob.txt").write_text("-0.5 4\n0.5 4\n0 5\n", encoding="utf-8")
+    table = write_table(tmp_path / "t.csv", SMALL | {"name": "x", "obstacle": "polygon:ob.txt", "seeds": "1-2"})
+    sweep(table, *more)
+    assert "done 2/2" in sweep(table, *more)
+    (tmp_path / "ob.txt").write_text("-0.5 4\n0.5 4\n0 6\n", encoding="utf-8")
+    for mode in (more, ["--status"]):
+        assert "row 'x,seed=1' (line 2) was run with other options: the file ob.txt has changed" in sweep(table, *mode, code=2)
+
+
 @pytest.mark.parametrize("mode", ["--row=1", "--slurm", "--parallel"])
 def test_modes_without_ensembles(mode, tmp_path):
     table = write_table(tmp_path / "t.csv", SMALL | {"seeds": "1-2"})
