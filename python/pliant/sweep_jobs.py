@@ -34,8 +34,8 @@ _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1)
 _ASK = signal.SIGUSR1
 _LIBC = ctypes.CDLL(None, use_errno=True)
 _PR_SET_PDEATHSIG = 1
-#: Options whose larger value makes a run longer; a smaller one is shorter than the existing run.
-_LENGTHS = ("t_end", "pushes")
+#: Options whose larger value makes a run longer, with the entry of the summary that has reached it; a run cannot be made shorter.
+_LENGTHS = {"t_end": "t", "pushes": "pushes"}
 #: Options of rows that do not run in an ensemble: they would be options of all runs together.
 _ALONE = ("threads", "max_wall_time")
 _LARGEST_OPTIONS = 1 << 16  # bytes of an options file that the program reads
@@ -175,16 +175,35 @@ class RowFolder:
 
     def check(self):
         """Raises RunError if the folder holds a run with other options than the row's, which no restart can make of it."""
-        before = self._record().get("run")
-        if before == self._identity or not (self.path / "run.h5").exists():
+        before, identity = self._record().get("run"), self._identity
+        if not (self.path / "run.h5").exists():
             return
         if before is None:
             raise RunError(f"{self.path}: holds a run that pliant-sweep has not made; move it elsewhere")
-        changes = self._changes(before)
-        if self._extends(changes):
-            return
-        raise RunError(f"row '{self.row.id}' (line {self.row.line}) was run with other options: {_changes_text(changes)}. Give the "
-                       f"row another name, or delete {self.path} to run it again")
+        row = f"row '{self.row.id}' (line {self.row.line})"
+        changes = self._changes(before) if before != identity else {}
+        if not self._extends(changes):
+            raise RunError(f"{row} was run with other options: {_changes_text(changes)}. Give the row another name, or delete {self.path} "
+                           "to run it again")
+        if excess := self._excess(self.row.options):
+            name, given, reached = excess
+            raise RunError(f"{row} has {name} = {self.row.options[name]}, but its run was continued by hand with {name} = {given:.15g} "
+                           f"and has reached {reached:.15g}. Write {name} = {given:.15g} in the table, give the row another name, or "
+                           f"delete {self.path} to run it again")
+
+    def _excess(self, options):
+        """(option, its value in the run, value reached) if the run in the folder is longer than a run with these options."""
+        try:
+            summary = self._summary()
+        except RunError:  # the state of the row reports it
+            return None
+        for name, entry in _LENGTHS.items():
+            wanted, reached = options.get(name, ""), summary.get(entry)
+            given = summary.get("parameters", {}).get(name, {}).get("value")
+            if all(isinstance(value, (int, float)) for value in (given, reached)) and is_number(wanted):
+                if min(given, reached) > float(wanted):  # a run may pass its own end by a part of a step
+                    return name, given, reached
+        return None
 
     def state(self):
         """The status of the row."""
@@ -220,6 +239,8 @@ class RowFolder:
             except RunError:  # its row reports it
                 continue
             if other.path == self.path or record is None or status not in (*FINISHED, "stopped") or busy:
+                continue
+            if other._excess(self.row.options):
                 continue
             changes = self._changes(record)
             if list(changes) == ["t_end"] and changes["t_end"][0] is not None and self._extends(changes):

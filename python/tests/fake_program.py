@@ -101,5 +101,6 @@ if "t_end" in options:
     with open(f"{folder}/checkpoint-a.h5", "w", encoding="utf-8") as file:
         file.write(str(at))
 with open(f"{folder}/summary.json", "w", encoding="utf-8") as file:
-    json.dump({"status": "done", "Q": {"value": 1.0, "error": 0.1, "unit": "m"},
+    lengths = {"t_end": {"value": float(options["t_end"])}} if "t_end" in options else {}
+    json.dump({"status": "done", "t": at, "parameters": lengths, "Q": {"value": 1.0, "error": 0.1, "unit": "m"},
                "begun": begun, "ended": time.monotonic()}, file)

@@ -299,6 +299,38 @@ def test_a_row_that_is_called_after_its_length_is_extended(table, run):
     assert attempts(longer, "a=1,t_end=0.04") == [0]
 
 
+def test_a_row_that_was_continued_by_hand(table, tmp_path, run):
+    """The row is an error until the table has the length of its run."""
+    run(table("name,t_end", "x,0.02", "y,0.02"))
+    subprocess.run([PROGRAM, "hopper", "-restart", tmp_path / "t/x", "-t_end", "0.07"], check=True, stdout=subprocess.DEVNULL,
+                   env=os.environ | {"OMP_NUM_THREADS": "1"})
+    for t_end in ("0.02", "0.05"):
+        for mode in ((), ("--status",), ("--merge",), ("--row", 1)):
+            output = run(table("name,t_end", f"x,{t_end}", "y,0.02"), *mode, code=2)
+            assert f"row 'x' (line 2) has t_end = {t_end}, but its run was continued by hand with t_end = 0.07 and has reached 0.07" in output
+            assert "Write t_end = 0.07 in the table" in output
+    assert "done 2/2" in run(table("name,t_end", "x,0.07", "y,0.02"))
+    assert "done 2/2" in run(table("name,t_end", "x,0.09", "y,0.02"))
+    assert [round(t, 9) for t in attempts(tmp_path / "t.csv", "x")] == [0, 0.02, 0.07, 0.07]
+
+
+def test_no_branch_begins_at_a_run_that_was_continued_by_hand(table, tmp_path, run):
+    run(table("t_end", "0.02", "0.03"))
+    subprocess.run([PROGRAM, "hopper", "-restart", tmp_path / "t/t_end=0.03", "-t_end", "0.07"], check=True, stdout=subprocess.DEVNULL,
+                   env=os.environ | {"OMP_NUM_THREADS": "1"})
+    run(table("t_end", "0.05"))
+    assert attempts(tmp_path / "t.csv", "t_end=0.05") == [0.02]
+
+
+@pytest.mark.parametrize("option, pushes, done, excess", [
+    (5, 7, 7, True), (5, 7, 5, False), (7, 7, 7, False), (5, 5, 6, False)])
+def test_pushes_beyond_the_row(option, pushes, done, excess, table, tmp_path):
+    row = RowFolder(tmp_path / "t", rows_of(table("name,pushes", f"x,{option}"))[0], tmp_path)
+    row.path.mkdir(parents=True)
+    (row.path / "summary.json").write_text(json.dumps({"pushes": done, "parameters": {"pushes": {"value": pushes}}}), encoding="utf-8")
+    assert (row._excess(row.row.options) == ("pushes", pushes, done)) == excess
+
+
 def test_options_files_belong_to_the_options(table, tmp_path, run):
     (tmp_path / "o.yaml").write_text("a: 1\n", encoding="utf-8")
     path = table("options_file", "o.yaml")

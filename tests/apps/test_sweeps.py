@@ -13,7 +13,7 @@ from pathlib import Path
 import h5py
 import pandas as pd
 import pytest
-from conftest import HANGS, PROGRAM, SMALL, Results, hopper, same, wait_for
+from conftest import HANGS, PROGRAM, SMALL, Results, hopper, pliant, same, wait_for
 from test_ensemble import values
 
 COMMAND = [sys.executable, Path(__file__).resolve().parents[2] / "python/pliant-sweep"]
@@ -304,6 +304,18 @@ def test_a_longer_row_of_an_ensemble_starts_again(tmp_path):
     for seed in (1, 2):
         hopper(tmp_path / str(seed), t_end=9, seed=seed)
         assert_same_rows(tmp_path / f"t/x,seed={seed}", tmp_path / str(seed))
+
+
+def test_a_row_that_was_continued_by_hand(tmp_path):
+    table = write_table(tmp_path / "t.csv", SMALL | {"name": "x", "t_end": 2})
+    sweep(table)
+    assert pliant("hopper", restart=tmp_path / "t/x", t_end=7).returncode == 0
+    for t_end in (2, 5):
+        write_table(table, SMALL | {"name": "x", "t_end": t_end})
+        assert f"has t_end = {t_end}, but its run was continued by hand with t_end = 7 and has reached 7" in sweep(table, code=2)
+    for t_end in (7, 8):
+        assert "done 1/1" in sweep(write_table(table, SMALL | {"name": "x", "t_end": t_end}))
+        assert Results(tmp_path / "t/x").summary["t"] == pytest.approx(t_end)
 
 
 @pytest.mark.parametrize("more", [[], ["--ensembles"]], ids=str)
