@@ -20,7 +20,10 @@ _CONTROL = re.compile("[\0-\x1f\x7f-\x9f\ud800-\udfff]")
 # As the program distinguishes names of options from values.
 _OPTION = re.compile(r"--?(?!(inf|infinity|nan)$)[A-Za-z]", re.IGNORECASE)
 _LONGEST_NUMBER = 100  # characters
-_LONGEST_ID = 200  # file systems end at 255 bytes
+_LONGEST_ID = 200  # characters; a longer name made from options is shortened
+_LONGEST_NAME = 255  # bytes; the limit of most file systems
+#: Files next to the folders of the rows, written by the sweep and by pliant-report.
+_FILES = re.compile(r"results\.csv|units\.csv|report\.html|slurm\.sh|slurm-[0-9]+\.log")
 
 
 @dataclass(frozen=True)
@@ -142,6 +145,8 @@ def read_rows(path, scenario):
         where = f"{path}, line {line}"
         if len(cells) > len(columns):
             raise RunError(f"{where}: {len(cells)} cells for {len(columns)} columns (write lists in quotes: \"1,2,5\")")
+        if len(cells) < len(columns):
+            raise RunError(f"{where}: {len(cells)} cell{'s' * (len(cells) > 1)} for {len(columns)} columns (an empty cell needs its comma too: a,,b)")
         given = {column: cell for column, cell in zip(columns, cells) if cell}
         own = {column: given.pop(column) for column in _OWN if column in given}
         scenario, name = own.get("scenario", default), own.get("name")
@@ -169,6 +174,11 @@ def read_rows(path, scenario):
             row_id = _derived_id(scenario, default, variant) if name is None else name
             if name is not None and "seeds" in own:
                 row_id += f",seed={variant['seed']}"
+            if _FILES.fullmatch(row_id):
+                raise RunError(f"{where}, column 'name': '{row_id}' is the name of a file of the sweep; write another one")
+            if len(row_id) > _LONGEST_NAME:
+                raise RunError(f"{where}, column 'name': '{row_id[:50]}…' makes a name of {len(row_id)} characters; the limit is "
+                               f"{_LONGEST_NAME}")
             if row_id in lines_of:
                 raise RunError(f"{where}: the row '{row_id}' is there already, in line {lines_of[row_id]}")
             lines_of[row_id] = line

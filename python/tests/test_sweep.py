@@ -119,6 +119,12 @@ def test_names(table):
     assert [r.id for r in rows_of(table("name,a,seeds", "x,1,1-2", "y,1,"))] == ["x,seed=1", "x,seed=2", "y"]
 
 
+def test_names_of_255_bytes_and_names_like_files(table):
+    names = ["y" * 255, "results.csv.old", "slurm-x.log", "row.json"]
+    assert [r.id for r in rows_of(table("name", *names))] == names
+    assert [r.id for r in rows_of(table("name,seeds", "results.csv,1"))] == ["results.csv,seed=1"]
+
+
 @pytest.mark.parametrize("text, same", [("4.0", "4"), ("4", "4"), ("+4", "4"), ("1e4", "10000"), ("0.10", "0.1"),
                                         ("31.6227766", "31.6227766"), ("9007199254740993", "9007199254740993"),
                                         ("1e-5", "1e-05"), ("1_0", "1_0"), ("nan", "nan"), ("1e999", "1e999"),
@@ -140,6 +146,8 @@ def test_seeds():
     (["a,-b", "1,2"], "column 2: '-b' is not the name of an option"),
     (["a,output", "1,2"], "column 2: 'output' cannot be given"),
     (["a,seeds", "1,2,3"], r"line 2: 3 cells for 2 columns \(write lists in quotes"),
+    (["a,b,c", "1,,2", "1,2"], r"line 3: 2 cells for 3 columns \(an empty cell needs its comma too: a,,b\)"),
+    (["a,b", "1"], "line 2: 1 cell for 2 columns"),
     (["a,seeds", "1,x"], "line 2, column 'seeds': 'x' is neither"),
     (["a,seeds", "1,3-1"], "line 2, column 'seeds': the range 3-1 ends before it starts"),
     (["a,seeds", '1,"1-3,2"'], "line 2, column 'seeds': seed 2 occurs twice"),
@@ -152,6 +160,10 @@ def test_seeds():
     (["\u0663a", "1"], "is not the name of an option"),
     (["a\u0663", "1"], "is not the name of an option"),
     (["a,name", "1,../x"], "line 2, column 'name': '../x' cannot name a folder"),
+    *((["a,name", "1,x", f"2,{name}"], f"line 3, column 'name': '{name}' is the name of a file of the sweep")
+      for name in ("results.csv", "units.csv", "report.html", "slurm.sh", "slurm-12.log")),
+    (["a,name", "1,x", "2," + "y" * 256], "line 3, column 'name': 'y{50}…' makes a name of 256 characters; the limit is 255"),
+    (["seeds,name", "5-12," + "y" * 248], "line 2, column 'name': 'y{50}…' makes a name of 256 characters"),
     (["a,scenario", "1,a b"], "line 2, column 'scenario': 'a b' is not the name"),
     (['a', '"1'], "cannot be read as a table"),
     (["a", "1\0"], r"cannot be read as a table|line 2, column 1: has the control character '\\x00'"),
