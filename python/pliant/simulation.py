@@ -739,7 +739,9 @@ class Simulation(_Fixed):
         """
         if (t is None) == (until is None):
             raise InputError("give run() either the time t that it lasts, or until, the time of its end")
-        if until is not None and not _number(until, "until") > self.t:
+        if until is not None and not np.isfinite(_number(until, "until")):
+            raise InputError(f"run(until={until:g}): the time must be finite; give one after t = {self.t:g}")
+        if until is not None and until <= self.t:
             raise InputError(f"run(until={until:g}): the simulation is at t = {self.t:g} already; give a later time")
         self._run(_number(t, "t") if until is None else until - self.t, -1, callback, every)
 

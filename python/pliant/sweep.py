@@ -1,5 +1,6 @@
 """Many runs as one table."""
 
+import os
 from pathlib import Path
 
 import pandas as pd
@@ -12,8 +13,10 @@ from .sweep_rows import number
 
 
 def load_runs(paths):
-    """List of Run, one per path. A folder that is not a run stands for the runs directly inside it, and an ensemble for its runs
-    that have data."""
+    """List of Run, one per path, also of a single path. A folder that is not a run stands for the runs directly inside it, and an
+    ensemble for its runs that have data."""
+    if isinstance(paths, (str, os.PathLike)):
+        paths = [paths]
     runs = []
     for path in map(Path, paths):
         if (path / "ensemble.h5").exists():
@@ -52,7 +55,9 @@ def _row(run):
 def sweep_table(runs):
     """DataFrame, one row per run: run, scenario, model, dim, status, every parameter, the counters of the
     summary, and each measured quantity X as the columns X and X_error. A result that has the name of an option,
-    like the fraction of a packing, is in the column X_result. `runs` are Run objects or paths."""
+    like the fraction of a packing, is in the column X_result. `runs` are Run objects or paths, or one of these."""
+    if isinstance(runs, (str, os.PathLike, Run)):
+        runs = [runs]
     rows = []
     for one in list(runs):
         if isinstance(one, Run):

@@ -274,6 +274,11 @@ def test_sweep_table(sweep):
     table = sweep_table(runs)
     assert len(table) == len(runs) == 12
     assert table.equals(sweep_table([sweep]))
+    for one in (sweep, str(sweep)):
+        assert [run.path for run in load_runs(one)] == [run.path for run in runs] and table.equals(sweep_table(one))
+    assert sweep_table(runs[3]).equals(sweep_table(runs[3:4]))
+    with pytest.raises(RunError, match=f"{sweep}/none"):
+        load_runs(f"{sweep}/none")
     drag = table[table["zeta"] > 0].sort_values("hopper_width")
     assert list(drag["status"]) == ["clogged"] + 5 * ["done"]
     assert_allclose(drag["Q"], 0.42 * np.sqrt(np.maximum(drag["hopper_width"] - 3.4, 0)))

@@ -210,6 +210,9 @@ def test_run_until():
     sim = crowd(model="sp")
     sim.run(until=0.2)
     assert sim.t == pytest.approx(0.2, abs=sim.dt)
+    for until in (np.nan, np.inf, -np.inf):
+        with pytest.raises(pliant.InputError, match=rf"run\(until={until}\): the time must be finite; give one after t = 0.199"):
+            sim.run(until=until)
     for arguments in ({}, {"t": 1, "until": 2}, {"until": 0.1}, {"until": "1"}):
         with pytest.raises(pliant.InputError):
             sim.run(**arguments)
