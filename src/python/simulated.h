@@ -261,7 +261,7 @@ class Simulated final : public AnySimulation {
   std::string failed_;  ///< message of a run that failed
   std::optional<EnergyAudit<D>> audit_;
   std::int64_t judged_at_ = 0;             ///< step at which the energy was judged last
-  bool watches_ = false;                   ///< start_watches() knows the present state
+  bool watches_ = false;                   ///< start_watches() has seen the present state
   std::optional<std::int64_t> looked_at_;  ///< step of the last check_walls(); none after a change
   std::string warning_;                    ///< of the energy audit, until it is taken
   bool warned_ = false;

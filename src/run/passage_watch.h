@@ -19,7 +19,7 @@ namespace pliant {
 /// single step is not found. The watch reads the neighbour lists and never rebuilds them, so it changes no number of a
 /// run. Disks, spheres and droplets have passed through each other where they overlap by more than passing_overlap,
 /// with inertia also where they have done so in the course of a step, on straight lines; of polygons CrossingWatch
-/// finds this. With record_overlaps() the watch looks at pairs only, and such overlaps are no error. All functions are
+/// finds this. With record_overlaps() the watch reads pairs only, and such overlaps are not errors. All functions are
 /// collective. Errors: NumericalError on all ranks, which names particles, wall and
 /// cures.
 template <int D>
@@ -30,7 +30,7 @@ class PassageWatch {
     overlaps_allowed_ = allowed;
     advice_ = std::move(advice);
   }
-  /// Overlaps are recorded, for take_overlap(), and walls are not looked at.
+  /// Records overlaps, for take_overlap(), and ignores walls.
   void record_overlaps() { records_ = true; }
   /// The largest recorded overlap since the last call, on all ranks; 0 without any.
   Real take_overlap() { return std::exchange(recorded_, 0); }

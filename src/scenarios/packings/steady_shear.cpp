@@ -158,8 +158,8 @@ void SteadyShear<D>::look_at_particles(const Measured& now) {
   if (const Real way = now.fastest * h; way > 1)
     throw NumericalError(
         "a particle moves by {:.3g} radii in a step relative to the flow: contacts may be missed; shorten the step "
-        "(-dt), raise the drag (-zeta), or lower the rate (-shear_rate)",
-        way);
+        "(-dt), raise {}, or lower the rate (-shear_rate)",
+        way, p_.model.option(Role::drag));
   const PassingPair nearest = nearest_passing_pair(this->simulation().view(), h);
   pair_overlap_ = std::max(pair_overlap_, this->ranks().max(nearest.gap < 0 ? nearest.overlap : 0));
 }
@@ -297,9 +297,9 @@ void SteadyShear<D>::report(const Series& all, nlohmann::ordered_json& s) {
   if (passed) {
     s["passing_overlap"] = pair_overlap_;
     warn(
-        "particles overlapped by {:.3g} of their contact distance: they pass through each other; raise the drag "
-        "(-zeta), or lower the rate (-shear_rate)",
-        pair_overlap_);
+        "particles overlapped by {:.3g} of their contact distance: they pass through each other; raise {}, or "
+        "lower the rate (-shear_rate)",
+        pair_overlap_, p_.model.option(Role::drag));
   }
   const auto average = [&](const char* name, const BlockAverage& b, std::string_view of, Real factor = 1) {
     // Without a steady state there is nothing to average.
