@@ -153,7 +153,8 @@ bool SteadyShear<D>::follow() {
 
 template <int D>
 void SteadyShear<D>::look_at_particles(const Measured& now) {
-  if (this->topology().deformable()) return;  // check_crossings() looks at polygons and surfaces
+  // check_crossings() is for polygons and surfaces; a rank may be without particles.
+  if (this->simulation().all().deformable()) return;
   const Real h = this->step_taken();
   if (const Real way = now.fastest * h; way > 1)
     throw NumericalError(
