@@ -31,6 +31,7 @@
 #include <pliant/io/summary.h>
 #include <pliant/run/folder.h>
 #include <pliant/run/run_control.h>
+#include <pliant/run/start_particles.h>
 #include <pliant/run/worker.h>
 
 namespace pliant {
@@ -81,6 +82,8 @@ Varied varied_option(const RunOptions& p, const Options& options) {
   return varied;
 }
 
+constexpr const char* start_crc32 = "start_crc32";  ///< entry of a description
+
 /// Settings that may differ where an ensemble continues.
 bool may_change(const std::string& option) {
   static const std::set<std::string> free{
@@ -95,8 +98,12 @@ Json description(const std::string& scenario, const RunOptions& p, const Options
   const nlohmann::json settings = options.json();
   for (const auto& [name, option] : settings.items())
     if (!may_change(name)) values[name] = option["value"];
-  return {{"scenario", scenario},    {"members_of_a_value", p.ensemble}, {"first_seed", p.seed},
-          {"option", varied.option}, {"values", varied.values},          {"options", std::move(values)}};
+  Json all{{"scenario", scenario},    {"members_of_a_value", p.ensemble}, {"first_seed", p.seed},
+           {"option", varied.option}, {"values", varied.values},          {"options", std::move(values)}};
+  // Options contain the name of this file only.
+  if (options.declared("start") && options.given("start"))
+    if (const auto crc = crc32_of_start(settings["start"]["value"].get<std::string>())) all[start_crc32] = *crc;
+  return all;
 }
 
 /// Of logged results: this program, and an ensemble with these settings and any number of members.
@@ -113,6 +120,10 @@ void check_same(const Json& stored, const Json& wanted, const std::string& folde
   };
   for (const char* name : {"scenario", "option", "values"})
     if (stored.value(name, Json()) != wanted[name]) refuse(name, stored.value(name, Json()), wanted[name]);
+  if (stored.contains(start_crc32) && stored[start_crc32] != wanted.value(start_crc32, Json()))
+    throw InputError(
+        "{} holds an ensemble whose file -start {} had other contents; restore them, or choose another -output", folder,
+        wanted["options"].value("start", ""));
   const Json there = stored.value("options", Json::object());
   for (const auto& [name, value] : wanted["options"].items())
     if (there.value(name, Json()) != value) refuse("-" + name, there.value(name, Json()), value);

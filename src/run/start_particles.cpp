@@ -7,6 +7,7 @@
 #include <charconv>
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 #include <limits>
 #include <memory>
 #include <span>
@@ -287,6 +288,16 @@ void check_surfaces(const StartParticles& all, const std::string& text) {
 }
 
 }  // namespace
+
+std::optional<std::uint32_t> crc32_of_start(const std::string& file) {
+  std::ifstream in(split(file).file, std::ios::binary);
+  if (!in) return {};
+  std::vector<char> part(1 << 20);
+  std::uint32_t crc = 0;
+  while (in.read(part.data(), static_cast<std::streamsize>(part.size())) || in.gcount() > 0)
+    crc = crc32_of(std::as_bytes(std::span(part).first(static_cast<std::size_t>(in.gcount()))), crc);
+  return crc;
+}
 
 std::optional<std::string> outline_fault(const Topology& topology, Index m, const Real* x) {
   const Index first = topology.offset[m];

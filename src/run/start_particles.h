@@ -1,6 +1,7 @@
 // Particles of a new run from a file, -start: a frame of an earlier run, or a table.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <initializer_list>
 #include <memory>
@@ -44,6 +45,9 @@ struct StartParticles {
 /// exist, another dimension, unit or shape of particles than needed; in a table for missing, unknown and repeated
 /// columns, repeated ids, and numbers that are not finite or not positive.
 StartParticles read_start(const std::string& file, const StartNeeds& needs);
+
+/// CRC-32 of a file with such a name; none for a file that cannot be read.
+std::optional<std::uint32_t> crc32_of_start(const std::string& file);
 
 /// The fault of polygon m: an edge without length, an outline that meets itself, or clockwise vertices; else nothing.
 std::optional<std::string> outline_fault(const Topology& topology, Index m, const Real* x);

@@ -166,6 +166,22 @@ def test_goes_on_after_signals(how, tmp_path):
     assert list(table.member) == list(range(1000)) and (table.status == "done").all()
 
 
+def test_another_start(tmp_path):
+    """A file of the same name with other contents."""
+    file = tmp_path / "start.csv"
+    options = {"start": file, "hopper_wall_distance": 8, "hopper_width": 3, "flow": "discharge", "zeta": 1, "t_end": 0.1,
+               "output": tmp_path / "run"}
+    file.write_text("x,y,diameter\n0,2,1\n", encoding="utf-8")
+    assert pliant("hopper", ensemble=2, **options).returncode == 0
+    file.write_text("x,y,diameter\n0,5,1\n", encoding="utf-8")
+    result = pliant("hopper", ensemble=4, **options)
+    assert result.returncode == 2 and f"-start {file} had other contents" in result.stderr
+    assert members(tmp_path / "run") == 2
+    file.write_text("x,y,diameter\n0,2,1\n", encoding="utf-8")
+    assert pliant("hopper", ensemble=4, **options).returncode == 0
+    assert members(tmp_path / "run") == 4
+
+
 def logged(folder):
     """Numbers of the runs in the log: size, number and checksum before each."""
     data, at, numbers = (folder / "ensemble.log").read_bytes(), 0, []
