@@ -41,7 +41,7 @@ RUNS = [
     *(f"{FEW} -dt 1e-3 -ts_type bdf -ts_rtol 1e-3 -ts_bdf_order {order}" for order in range(1, 7)),
     f"{FEW} -dt 1e-3 -ts_type rosw -ts_rosw_type ra34pw2 {SOLVER} -mat_view ::ascii_info",
     f"{FEW} -dt 1e-3 -ts_type arkimex -ts_arkimex_type 3 {SOLVER} -ts_view",
-    f"{FEW} -dt 1e-3 -ts_type bdf -snes_lag_jacobian 2 -ksp_rtol 1e-6 -ksp_atol 1e-12",
+    f"{FEW} -dt 1e-3 -ts_type bdf -snes_lag_jacobian 2 -snes_rtol 1e-6 -snes_atol 1e-10 -ksp_rtol 1e-6 -ksp_atol 1e-12",
     *(f"{FEW} -dt 1e-3 -ts_type bdf {how}" for how in ("-snes_mf_operator", "-jacobian matrix_free", "-pc_type lu",
                                                      "-pc_type bjacobi", "-pc_type asm")),
     f"{POLYGONS} -ts_type arkimex -implicit shape",
