@@ -46,7 +46,7 @@ struct StartParticles {
 /// columns, repeated ids, and numbers that are not finite or not positive.
 StartParticles read_start(const std::string& file, const StartNeeds& needs);
 
-/// CRC-32 of a file with such a name; none for a file that cannot be read.
+/// CRC-32 of a file with such a name; none for a file that cannot be read, and for a pipe, which can be read once only.
 std::optional<std::uint32_t> crc32_of_start(const std::string& file);
 
 /// The fault of polygon m: an edge without length, an outline that meets itself, or clockwise vertices; else nothing.

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import Results, end, pliant, same, start, wait_for
+from conftest import PROGRAM, Results, end, pliant, same, start, wait_for
 from test_parallel import mpi_environment
 
 SMALL = {"n": 20, "pressure": 1e-3}
@@ -180,6 +180,15 @@ def test_another_start(tmp_path):
     file.write_text("x,y,diameter\n0,2,1\n", encoding="utf-8")
     assert pliant("hopper", ensemble=4, **options).returncode == 0
     assert members(tmp_path / "run") == 4
+
+
+def test_a_start_from_a_pipe(tmp_path):
+    """Only the run reads it, because a pipe can be read once."""
+    run = f"{PROGRAM} hopper -start <(printf 'x,y,diameter\\n0,2,1\\n') -hopper_wall_distance 8 -hopper_width 3 -flow discharge"
+    result = subprocess.run(["bash", "-c", f"{run} -zeta 1 -t_end 0.1 -ensemble 1 -output {tmp_path / 'run'}"], capture_output=True,
+                            text=True)
+    assert result.returncode == 0, result.stderr
+    assert members(tmp_path / "run") == 1
 
 
 def logged(folder):

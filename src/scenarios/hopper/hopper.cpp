@@ -219,11 +219,10 @@ class HopperProtocol final : public Protocol<D> {
 
   void ready() override {
     watch([&](ParticleSystem<2>& system) { outlines_.start(system, state()); });
-    if (!deformable()) {
-      passing_.record_overlaps();
-      passing_.have_inertia(p_.dynamics == Dynamics::inertial);
-      passing_.start(particles(), state());
-    }
+    passing_.record_overlaps();
+    passing_.allow_overlaps(deformable());  // polygons and surfaces have other checks
+    passing_.have_inertia(p_.dynamics == Dynamics::inertial);
+    passing_.start(particles(), state());
     counter_.start(state(), topology());
   }
 
@@ -237,10 +236,8 @@ class HopperProtocol final : public Protocol<D> {
   bool follow() override {
     watch([&](ParticleSystem<2>& system) { outlines_.after_step(system, state()); });
     this->simulation().find_velocities();
-    if (!deformable()) {
-      passing_.after_step(particles(), state());
-      pair_overlap_ = std::max(pair_overlap_, passing_.take_overlap());
-    }
+    passing_.after_step(particles(), state());
+    pair_overlap_ = std::max(pair_overlap_, passing_.take_overlap());
     const bool changed = follow_particles();
     if (changed) watch([&](ParticleSystem<2>& system) { outlines_.after_change(system, state()); });
     return changed;
@@ -248,7 +245,7 @@ class HopperProtocol final : public Protocol<D> {
 
   void sorted(const Migration& migration) override {
     counter_.move(migration);
-    if (!deformable()) passing_.start(particles(), state());
+    passing_.start(particles(), state());
     watch([&](ParticleSystem<2>& system) { outlines_.after_change(system, state()); });
   }
 
@@ -407,7 +404,7 @@ class HopperProtocol final : public Protocol<D> {
         stop_spin(l.particle);
         this->simulation().relist(l.particle);
         counter_.reinserted(l.particle, s, own);
-        if (!deformable()) passing_.reinserted(l.particle, s);
+        passing_.reinserted(l.particle, s);
       } else if (mine) {
         for (Index i = own.offset[l.particle]; i < own.offset[l.particle + 1]; ++i) point<D>(s.v().data(), i).setZero();
         stop_spin(l.particle);
