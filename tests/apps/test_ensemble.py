@@ -186,7 +186,7 @@ def test_a_start_from_a_pipe(tmp_path):
     """Only the run reads it, because a pipe can be read once."""
     run = f"{PROGRAM} hopper -start <(printf 'x,y,diameter\\n0,2,1\\n') -hopper_wall_distance 8 -hopper_width 3 -flow discharge"
     result = subprocess.run(["bash", "-c", f"{run} -zeta 1 -t_end 0.1 -ensemble 1 -output {tmp_path / 'run'}"], capture_output=True,
-                            text=True)
+                            text=True, encoding="utf-8")
     assert result.returncode == 0, result.stderr
     assert members(tmp_path / "run") == 1
 
