@@ -20,7 +20,7 @@ std::string cures_of_passage() { return "use " + cures({Cure::stiffer_walls, Cur
 
 template <int D>
 bool PassageWatch<D>::watches_walls(const ParticleSystem<D>& system) const {
-  return !records_ && system.walls().size() > 0 && system.neighbours().needs().walls;
+  return !ignores_walls_ && system.walls().size() > 0 && system.neighbours().needs().walls;
 }
 
 template <int D>

@@ -19,8 +19,7 @@ namespace pliant {
 /// single step is not found. The watch reads the neighbour lists and never rebuilds them, so it changes no number of a
 /// run. Disks, spheres and droplets have passed through each other where they overlap by more than passing_overlap,
 /// with inertia also where they have done so in the course of a step, on straight lines; of polygons CrossingWatch
-/// finds this. With record_overlaps() the watch reads pairs only, and such overlaps are not errors. All functions are
-/// collective. Errors: NumericalError on all ranks, which names particles, wall and
+/// finds this. All functions are collective. Errors: NumericalError on all ranks, which names particles, wall and
 /// cures.
 template <int D>
 class PassageWatch {
@@ -30,8 +29,9 @@ class PassageWatch {
     overlaps_allowed_ = allowed;
     advice_ = std::move(advice);
   }
-  /// Records overlaps, for take_overlap(), and ignores walls.
+  /// Such overlaps are recorded, for take_overlap(), and are not errors.
   void record_overlaps() { records_ = true; }
+  void ignore_walls() { ignores_walls_ = true; }
   /// The largest recorded overlap since the last call, on all ranks; 0 without any.
   Real take_overlap() { return std::exchange(recorded_, 0); }
   /// Without inertia velocities are not part of the state.
@@ -52,7 +52,7 @@ class PassageWatch {
   /// Half the distance that any two particles may approach. Errors: NumericalError.
   Real look_at_pairs(ParticleSystem<D>& system, const State& s, Real h);
 
-  bool overlaps_allowed_ = false, inertia_ = true, records_ = false;
+  bool overlaps_allowed_ = false, inertia_ = true, records_ = false, ignores_walls_ = false;
   Real recorded_ = 0;
   std::string advice_;
   Real gap_ = 0;                 ///< nothing can pass before a point has moved by this, relative to walls

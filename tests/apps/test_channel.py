@@ -103,6 +103,19 @@ def test_stopped_and_continued(small, tmp_path):
     assert_same_runs(small, Results(tmp_path / "parts"))
 
 
+@pytest.mark.parametrize("sample_travel", [0.03, 3])
+def test_disks_that_pass_through_each_other(sample_travel, tmp_path):
+    """They are apart again at the end, which is the only sample with the longer travel."""
+    table = tmp_path / "start.csv"
+    table.write_text("x,y,diameter,vx,vy\n4,3,1.905,24,0\n7.5,3,1.905,-24,0\n", encoding="utf-8")
+    result = pliant("channel", start=table, pushes=1, stroke=3, channel_width=6, channel_arm=11, stiffness=20, restitution=0.98,
+                    gravity=0, jam_force=0, t_end=0.12, dt=0.02, plunger_speed=3, sample_travel=sample_travel, frame_travel=3,
+                    output=tmp_path / "run")
+    assert result.returncode == 0 and "of their contact distance: they pass through each other; raise -stiffness" in result.stderr
+    x = Results(tmp_path / "run").frames[-1]["positions"][:, 0]
+    assert x[0] > x[1] + 1.905
+
+
 @pytest.mark.parametrize("options, within", [({"retract_speed": 10, "pause": 0.05}, "a retraction"),
                                              ({"pause": 0.05}, "a pause")])
 def test_stopped_between_pushes(options, within, tmp_path):

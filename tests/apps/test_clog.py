@@ -32,6 +32,17 @@ def test_the_standard_step_follows_the_droplets(options, tmp_path):
     assert result.returncode == 0 and "limit of stability" not in result.stderr, result.stderr
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_fast_droplets(seed, tmp_path):
+    """A step in which a droplet moves by more than its radius is an error between samples too. The standard step avoids
+    such steps."""
+    fast = {"n": 60, "hopper_width": 1.5, "phi_c": 0, "g": 1, "seed": seed, "sample_interval": 1000}
+    result = pliant("clog", output=tmp_path / "long", **fast, dt=0.7)
+    assert result.returncode == 3 and "radii in a step: contacts may be missed; lower -dt" in result.stderr
+    result = pliant("clog", output=tmp_path / "run", **fast)
+    assert result.returncode == 0, result.stderr
+
+
 def test_clogged(tmp_path):
     """One droplet that is wider than the exit is a clog, and it rests where both tips hold it."""
     run = clog(tmp_path / "run", n=1, hopper_width=0.6, delta=0, rest="speed", dt=0.05)

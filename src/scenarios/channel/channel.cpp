@@ -15,6 +15,7 @@
 #include <pliant/run/heat.h>
 #include <pliant/run/memory.h>
 #include <pliant/run/overlap_check.h>
+#include <pliant/run/passage_watch.h>
 #include <pliant/scenarios/channel/options.h>
 #include <pliant/scenarios/channel/start.h>
 #include <pliant/ts/verlet.h>
@@ -129,6 +130,9 @@ class ChannelProtocol final : public Protocol<2> {
     put_walls();
   }
   void ready() override {
+    passages_.allow_overlaps(p_.rough());  // polygons have other checks
+    passages_.record_overlaps();
+    passages_.start(particles(), state());
     if (p_.rough()) outlines_.start(particles(), state());
   }
 
@@ -139,10 +143,13 @@ class ChannelProtocol final : public Protocol<2> {
   // --- During the run
 
   void sorted(const Migration&) override {
+    passages_.start(particles(), state());
     if (p_.rough()) outlines_.after_change(particles(), state());
   }
 
   bool follow() override {
+    passages_.after_step(particles(), state());
+    pair_overlap_ = std::max(pair_overlap_, passages_.take_overlap());
     if (p_.rough()) outlines_.after_step(particles(), state());
     const std::int64_t step = state().step;
     const bool changes = schedule_.phase_begin(step) == step, stroke_ends = schedule_.phase_at(step) == PushPhase::hold;
@@ -152,6 +159,7 @@ class ChannelProtocol final : public Protocol<2> {
     if (changes && !stroke_ends) put();
     if (schedule_.frame_at(step)) run().write_frame();
     if (changes && stroke_ends) put();
+    if (changes) passages_.start(particles(), state());
     return changes;
   }
 
@@ -232,6 +240,7 @@ class ChannelProtocol final : public Protocol<2> {
     a.array("jammed_pushes", jams_, 0, push);
     a.number("largest_overlap", largest_overlap_, 0);
     a.newer("wall_overlap", wall_overlap_, 0);
+    a.newer("pair_overlap", pair_overlap_, 0);
     a.number("largest_plunger_force", largest_plunger_force_, 0);
     if (!a.reads()) return;
     const auto events = static_cast<std::int64_t>(jams_.size());
@@ -267,9 +276,11 @@ class ChannelProtocol final : public Protocol<2> {
   void report(const Series&, nlohmann::ordered_json& s) override {
     say("{} pushes; largest force on a plunger {}, largest overlap {:.2g} of a radius\n", std::int64_t(s["pushes"]),
         force_text(largest_plunger_force_), largest_overlap_);
-    if (largest_overlap_ > 2 * passing_overlap)
-      warn("{0}s overlapped by {1:.3g} of a radius: they pass through each other; raise -stiffness, now {2:g}",
-           p_.particle(), largest_overlap_, p_.stiffness);
+    if (pair_overlap_ > 0)
+      warn(
+          "{0}s overlapped by {1:.3g} of their contact distance: they pass through each other; raise -stiffness, now "
+          "{2:g}",
+          p_.particle(), pair_overlap_, p_.stiffness);
     if (wall_overlap_ > passing_overlap)
       warn("a {} overlapped a wall by {:.3g} radii: it passes through the wall; raise -stiffness, now {:g}",
            p_.particle(), wall_overlap_, p_.stiffness);
@@ -385,13 +396,15 @@ class ChannelProtocol final : public Protocol<2> {
   const Channel& channel_;
   CriticalStep critical_;
   PushSchedule schedule_;
-  Real weight_ = 0;                  ///< weight of all particles
-  CrossingWatch outlines_;           ///< for polygons
+  Real weight_ = 0;         ///< weight of all particles
+  CrossingWatch outlines_;  ///< for polygons
+  PassageWatch<2> passages_;
   Deepest deepest_;                  ///< in the last sample
   std::vector<Real> plunger_force_;  ///< in the last sample
   std::vector<std::int64_t> jams_;   ///< pushes
   Real largest_overlap_ = 0, largest_plunger_force_ = 0;
   Real wall_overlap_ = 0;  ///< largest of a disk or vertex with a wall, over its radius
+  Real pair_overlap_ = 0;  ///< largest overlap up to now of disks that pass through each other, else 0
   EnergyAudit<2> audit_{simulation()};
   Real heat_ = 0;  ///< at the last sample
 };

@@ -86,7 +86,7 @@ class ClogProtocol final : public DropletProtocol {
     return {-tip, 0, -far, top, tip, 0, far, top, -tip, 0, opened_ < 0 ? tip : -tip, 0};
   }
 
-  bool follow() override {
+  bool follow_stages() override {
     if (state().step % check_every != 0) return false;
     const bool changed = opened_ >= 0 && take_out();
     if (opened_ >= 0) {

@@ -1,5 +1,7 @@
 #include <pliant/scenarios/clog/options.h>
 
+#include <algorithm>
+
 #include <pliant/base/errors.h>
 
 namespace pliant {
@@ -57,7 +59,7 @@ void ClogOptions::bind(Options& o) {
   o.bind("rest", rest, {{"minimum", RestRule::minimum}, {"speed", RestRule::speed}},
          {.help = "rest test: a nearby energy minimum or -clog_speed, or -clog_speed alone"});
 
-  bind_integration(o, "");
+  bind_integration(o, "0.7, at most 0.2 b/g", "");
   bind_output(o);
 }
 
@@ -70,6 +72,8 @@ void ClogOptions::resolve() {
   if (clog_speed >= g / b)
     throw InputError("-clog_speed {}: a single droplet falls only at g/b = {}; give a smaller speed", clog_speed,
                      g / b);
+  constexpr Real way_in_step = 0.2;  // a single droplet falls this far; groups fall several times as fast
+  longest_standard_dt = std::min(longest_standard_dt, way_in_step * b / g);
 }
 
 }  // namespace pliant

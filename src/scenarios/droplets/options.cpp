@@ -54,7 +54,7 @@ void DropletOptions::bind_droplets(Options& o) {
   o.bind("seed", seed, {.help = "seed of all random numbers", .min = 0, .on_restart = fixed});
 }
 
-void DropletOptions::bind_integration(Options& o, const std::string& automatic_end) {
+void DropletOptions::bind_integration(Options& o, const std::string& automatic_dt, const std::string& automatic_end) {
   o.group("Integration");
   o.bind("integrator", integrator, {{"ts", DropletIntegrator::ts}},
          {.help = "PETSc TS (-ts_type, -ts_atol, ...)", .cures = {{Cure::ts, "ts"}}, .on_restart = fixed});
@@ -64,7 +64,7 @@ void DropletOptions::bind_integration(Options& o, const std::string& automatic_e
           .min = 0,
           .min_open = true,
           .cures = {Cure::shorter_step},
-          .automatic = fmt::format("{:g}; fixed steps: at most half of the limit of stability", longest_standard_dt),
+          .automatic = automatic_dt + "; fixed steps: at most half of the limit of stability",
           .on_restart = fixed});
   bind_allowed(o);
   o.bind("t_end", t_end,

@@ -46,7 +46,8 @@ struct DropletOptions : RunOptions {
  protected:
   void bind_model(Options& options);     ///< the group "Model"
   void bind_droplets(Options& options);  ///< `radii.deviation` and `seed`, for a group that the scenario has begun
-  void bind_integration(Options& options, const std::string& automatic_end);  ///< the group "Integration"
+  /// The group "Integration".
+  void bind_integration(Options& options, const std::string& automatic_dt, const std::string& automatic_end);
 };
 
 }  // namespace pliant

@@ -14,6 +14,8 @@ namespace {
 
 enum { work, dissipated };  // integrated quantities
 
+constexpr char slower_droplets[] = "lower -dt or the tolerance (-ts_atol), or slow walls or gravity";
+
 ParticleSystem<2> make_particles(const DropletOptions& p, const DropletSetup& setup, Topology droplets,
                                  const Ranks& ranks) {
   return {std::move(droplets), setup.walls, p.model.force_field<2>({.gravity = setup.gravity}), p.skin, ranks};
@@ -68,19 +70,39 @@ Real DropletProtocol::standard_dt() const {
 
 void DropletProtocol::started() { start_energy_ = energy(); }
 
+void DropletProtocol::ready() {
+  passages_.have_inertia(false);
+  passages_.start(particles(), state());
+  before_.assign(state().x().begin(), state().x().end());
+}
+
+bool DropletProtocol::follow() {
+  check_motion();
+  passages_.after_step(particles(), state());
+  const bool changed = follow_stages();
+  if (changed) passages_.start(particles(), state());
+  return changed;
+}
+
+void DropletProtocol::check_motion() {
+  for (Index m = 0; m < droplets(); ++m) {
+    const Real way = (position(m) - point<2>(before_.data(), m)).norm();
+    if (way > radius(m))
+      throw NumericalError("droplet {} moves by {:.3g} radii in a step: contacts may be missed; {}", m, way / radius(m),
+                           slower_droplets);
+  }
+  std::copy_n(state().x().begin(), before_.size(), before_.begin());
+}
+
 std::vector<SeriesValue> DropletProtocol::sample() {
   const Real speed = max_speed();
   const StateView<2> s = view();
   const ForceField<2>& field = particles().field();
-  const std::string cure = "lower -dt or the tolerance (-ts_atol), or slow walls or gravity";
-  if (const Real deepest = check_walls_hold(s, step_taken(), Ranks(), cure); deepest > passing_overlap)
-    throw NumericalError("a droplet overlaps a wall by {:.3g} radii: it passes through the wall; {}", deepest, cure);
+  if (const Real deepest = check_walls_hold(s, 0, Ranks(), slower_droplets); deepest > passing_overlap)
+    throw NumericalError("a droplet overlaps a wall by {:.3g} radii: it passes through the wall; {}", deepest,
+                         slower_droplets);
   Real bonds = 0, tense = 0;
   field.for_each_contact(s, [&](const Contact<2>& c) {
-    if (c.overlap > passing_overlap)
-      throw NumericalError(
-          "droplets {} and {} overlap by {:.3g} of their contact distance: they pass through each other; {}", c.first,
-          c.second, c.overlap, cure);
     ++bonds;
     tense += c.force.dot(c.normal) < 0;
   });

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include <pliant/run/passage_watch.h>
 #include <pliant/run/protocol.h>
 #include <pliant/run/simulation.h>
 #include <pliant/scenarios/droplets/options.h>
@@ -43,6 +44,8 @@ class DropletProtocol : public Protocol<2> {
   std::optional<Real> fixed_skin() const final { return p_.skin; }
   std::unique_ptr<Integrator> make_integrator(Real dt) final;
   void started() final;
+  void ready() final;
+  bool follow() final;
   std::vector<SeriesValue> sample() final;
   std::vector<Real> wall_segments() final { return drawn_walls(state().t); }
   void visit(Archive& archive) final;
@@ -56,6 +59,8 @@ class DropletProtocol : public Protocol<2> {
   // Further hooks of a droplet scenario.
   /// Walls as drawn at time t, before the start at 0: x1 y1 x2 y2 of each wall.
   virtual std::vector<Real> drawn_walls(Real t) const = 0;
+  /// After every step, as Protocol::follow().
+  virtual bool follow_stages() = 0;
   /// Columns that it adds to a sample.
   virtual void measure(std::vector<SeriesValue>& row) = 0;
   virtual void visit_more(Archive& archive) = 0;  ///< when it reads, it may put_walls()
@@ -80,6 +85,8 @@ class DropletProtocol : public Protocol<2> {
 
  private:
   Real standard_dt() const;
+  /// Errors: NumericalError for a droplet that has moved by more than its radius in the last step.
+  void check_motion();
   Real energy();  ///< present energy, including the weight
   template <class Change>
   void outside_budget(Change&& change);
@@ -89,6 +96,8 @@ class DropletProtocol : public Protocol<2> {
   TsOptions integration_;
   Real fastest_rate_;
   Real dt_;
+  PassageWatch<2> passages_;
+  std::vector<Real> before_;                                    ///< positions before the next step
   Real critical_step_ = std::numeric_limits<Real>::infinity();  ///< an estimate for light loads
   Real start_energy_ = 0, withdrawn_ = 0;                       ///< withdrawn: energy removed by changes of the state
   Real budget_error_ = 0;                                       ///< error of the energy budget at the last sample

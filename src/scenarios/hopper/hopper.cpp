@@ -220,6 +220,7 @@ class HopperProtocol final : public Protocol<D> {
   void ready() override {
     watch([&](ParticleSystem<2>& system) { outlines_.start(system, state()); });
     passing_.record_overlaps();
+    passing_.ignore_walls();
     passing_.allow_overlaps(deformable());  // polygons and surfaces have other checks
     passing_.have_inertia(p_.dynamics == Dynamics::inertial);
     passing_.start(particles(), state());

@@ -60,7 +60,7 @@ void RaftOptions::bind(Options& o) {
           .min_open = true,
           .automatic = "compression: rest distance of -rows_end; extension: 2 more than at the start"});
 
-  bind_integration(o, "when -end_distance is reached");
+  bind_integration(o, "0.1", "when -end_distance is reached");
   bind_output(o);
 }
 

@@ -154,8 +154,8 @@ class RaftProtocol final : public DropletProtocol {
     return {0, -half, 0, half, d + lean, -half, d - lean, half};
   }
 
-  bool follow() override {
-    // In most steps neither the list nor a bond changes: then follow() sorts nothing.
+  bool follow_stages() override {
+    // In most steps neither the list nor a bond changes: then follow_stages() sorts nothing.
     find_listed_bonds(next_listed_);
     if (next_listed_ == listed_) return false;
     listed_.swap(next_listed_);
@@ -263,7 +263,7 @@ class RaftProtocol final : public DropletProtocol {
   Raft raft_;
   std::vector<Bond> bonds_;
   std::vector<Bond> listed_;       ///< the same bonds in the order of the neighbour list
-  std::vector<Bond> next_listed_;  ///< memory of follow(), for the bonds after a step
+  std::vector<Bond> next_listed_;  ///< memory of follow_stages(), for the bonds after a step
   std::int64_t broken_ = 0, formed_ = 0;
   Index rows_ = 0;
 };
