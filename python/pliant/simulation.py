@@ -187,12 +187,20 @@ def _options_of(words):
     return options
 
 
+def _absolute(folder):
+    """The simulation stays in its folder when the program changes its working directory."""
+    path = os.fspath(folder)
+    return os.path.abspath(path) if path else path
+
+
 def _motion(motion):
     for name in motion:
         if name not in _MOTION:
             raise InputError(f"{name} is no part of a motion; these are {', '.join(_MOTION)}")
-    spin = motion.get("spin", ())
-    return (_vector(motion.get("velocity", ()), "velocity"), _vector(motion.get("amplitude", ()), "amplitude"),
+    amplitude, spin = _vector(motion.get("amplitude", ()), "amplitude"), motion.get("spin", ())
+    if amplitude and "frequency" not in motion:
+        raise InputError("a wall with an amplitude but without a frequency never moves; give frequency, too")
+    return (_vector(motion.get("velocity", ()), "velocity"), amplitude,
             _number(motion.get("frequency", 0.0), "frequency"), _number(motion.get("phase", 0.0), "phase"),
             [float(spin)] if isinstance(spin, numbers.Real) else _vector(spin, "spin"),
             _vector(motion.get("pivot", ()), "pivot"))
@@ -607,7 +615,7 @@ class Simulation(_Fixed):
             self._core.close()
             raise InputError("velocities of particles without inertia follow from the forces; leave velocities out")
         if output is not None:
-            self._core.open_output(os.fspath(output), _intervals(frame_interval, sample_interval, checkpoint_interval))
+            self._core.open_output(_absolute(output), _intervals(frame_interval, sample_interval, checkpoint_interval))
         elif (frame_interval, sample_interval, checkpoint_interval) != (None, None, None):
             self._core.close()
             raise InputError("frame_interval, sample_interval and checkpoint_interval need output, the folder of the run; "
@@ -624,7 +632,7 @@ class Simulation(_Fixed):
         Intervals may be given anew. Errors: InputError if the folder has no checkpoint of a Simulation, FolderInUseError.
         """
         self = cls.__new__(cls)
-        self._core = core.restart_simulation(os.fspath(folder),
+        self._core = core.restart_simulation(_absolute(folder),
                                              _intervals(frame_interval, sample_interval, checkpoint_interval))
         description = json.loads(self._core.description())
         self._dim = description["dim"]

@@ -341,6 +341,19 @@ class Walls {
     }
     return most;
   }
+  /// Upper bound of the speed of all these parts at any time. farthest: as for moved(), at time t.
+  template <class Farthest>
+  Real fastest(Real t, Farthest&& farthest) const {
+    Real most = 0;
+    for (const Body& body : bodies_) {
+      const Motion<D>& m = body.motion;
+      Real speed = m.velocity.norm() + std::abs(m.frequency) * m.amplitude.norm();
+      if (m.turns())
+        speed += m.rate() * (std::isfinite(body.lever) ? body.lever : farthest(Vec<D>(m.pivot + m.shift(t))));
+      most = std::max(most, speed);
+    }
+    return most;
+  }
   /// Whether moved() calls farthest().
   bool turn_without_end() const {
     return std::any_of(bodies_.begin(), bodies_.end(),

@@ -22,6 +22,7 @@
 #include <pliant/run/motion_archive.h>
 #include <pliant/run/passage_watch.h>
 #include <pliant/run/simulation.h>
+#include <pliant/ts/ts_integrator.h>
 
 namespace pliant::python {
 
@@ -210,6 +211,7 @@ class Simulated final : public AnySimulation {
   FastestRates rates_of(const Settings& settings, const CriticalStep& critical) const;
   Real standard_step(const Settings& settings, const CriticalStep& critical) const;
   /// Errors: InputError for a fixed step that is unstable, and without any by which to choose it.
+  void scale(TsOptions& method, const CriticalStep& critical) const;
   Real check_step(const Settings& settings, const CriticalStep& critical) const;
   /// next: length of the next step, where it does not follow from the settings.
   void set_integrator(std::optional<Real> next = {});

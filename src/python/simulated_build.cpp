@@ -1,6 +1,7 @@
 // Construction: particles, model, integrator.
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <string_view>
 #include <tuple>
 #include <utility>
@@ -287,6 +288,23 @@ Real Simulated<D>::check_step(const Settings& settings, const CriticalStep& crit
   return dt;
 }
 
+/// The lengths and speeds of a method, which it has for mean diameters (droplets: radii) of 1, in the user's units.
+template <int D>
+void Simulated<D>::scale(TsOptions& method, const CriticalStep& critical) const {
+  const Topology& own = simulation_->topology();
+  if (own.owned() == 0) return;
+  const std::span<const Real> sigma = std::span(own.sigma).first(static_cast<std::size_t>(own.owned())),
+                              diameters = std::span(own.diameter).first(static_cast<std::size_t>(own.owned_points()));
+  const Real mean = std::accumulate(sigma.begin(), sigma.end(), Real{0}) / own.owned();
+  method.length = settings_->droplets() ? mean / 2 : mean;
+  method.atol_x *= method.length;
+  constexpr Real slow = 3e-4;  // a speed at which a standard step makes this part of the allowed error
+  if (const Real dt = standard_step(*settings_, critical); !overdamped() && std::isfinite(dt))
+    method.atol_v = slow * method.atol_x / dt;
+  constexpr Real part_of_diameter = 1.0 / 8;  // two particles that approach do not miss their contact
+  method.longest_move = part_of_diameter * std::ranges::min(diameters);
+}
+
 template <int D>
 void Simulated<D>::set_integrator(std::optional<Real> next) {
   const CriticalStep critical = critical_of(*field_);
@@ -300,6 +318,7 @@ void Simulated<D>::set_integrator(std::optional<Real> next) {
     if (overdamped()) (void)settings_->mobility<D>();  // reads its options of PETSc, which are then used
     TsOptions method = settings_->droplets() ? droplet_integration : TsOptions();
     method.dt = dt;
+    scale(method, critical);
     method.implicit = settings_->implicit;
     method.jacobian = settings_->jacobian;
     const FastestRates rates = rates_of(*settings_, critical);
@@ -327,6 +346,7 @@ template ParticleSystem<2> Simulated<2>::make_system(const Topology&, const Wall
 template void Simulated<2>::rebuild(const std::function<void(ParticleTable&)>&, const std::vector<Index>&);
 template Topology Simulated<2>::topology_by_id() const;
 template FastestRates Simulated<2>::rates_of(const Settings&, const CriticalStep&) const;
+template void Simulated<2>::scale(TsOptions&, const CriticalStep&) const;
 template Real Simulated<2>::standard_step(const Settings&, const CriticalStep&) const;
 template Real Simulated<2>::check_step(const Settings&, const CriticalStep&) const;
 template void Simulated<2>::set_integrator(std::optional<Real>);
@@ -341,6 +361,7 @@ template ParticleSystem<3> Simulated<3>::make_system(const Topology&, const Wall
 template void Simulated<3>::rebuild(const std::function<void(ParticleTable&)>&, const std::vector<Index>&);
 template Topology Simulated<3>::topology_by_id() const;
 template FastestRates Simulated<3>::rates_of(const Settings&, const CriticalStep&) const;
+template void Simulated<3>::scale(TsOptions&, const CriticalStep&) const;
 template Real Simulated<3>::standard_step(const Settings&, const CriticalStep&) const;
 template Real Simulated<3>::check_step(const Settings&, const CriticalStep&) const;
 template void Simulated<3>::set_integrator(std::optional<Real>);

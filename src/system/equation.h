@@ -26,6 +26,10 @@ class FirstOrderSystem {
     static const Ranks self;
     return self;
   }
+  /// The first of the coordinates are positions; the others are angles.
+  virtual std::size_t positions() const { return size(); }
+  /// Upper bound of the speed of walls that particles at x can reach at time t.
+  virtual Real outside_speed(Real /*t*/, const Real* /*x*/) const { return 0; }
   /// Writes ydot[unknowns()]. May update internal caches (neighbour lists, first guesses), never y.
   virtual void rate(Real t, const Real* y, Real* ydot) = 0;
   /// A step of length h has been accepted, which ends at t with x and v; v is undefined without velocities. An

@@ -41,6 +41,7 @@ class OverdampedSystem final : public FirstOrderSystem {
   std::size_t size() const override { return particles_.size(); }
   std::size_t unknowns() const override { return size() + (ranks().root() ? quantities_.size() : 0); }
   const Ranks& ranks() const override { return particles_.ranks(); }
+  Real outside_speed(Real t, const Real* x) const override { return particles_.outside_speed(t, x); }
 
   /// Errors: NumericalError where particles or walls have run into each other, with their numbers.
   void rate(Real t, const Real* y, Real* ydot) override {

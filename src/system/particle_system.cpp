@@ -104,6 +104,15 @@ void ParticleSystem<D>::accepted(Real t, const Real* x, const Real* v, Real h, b
 }
 
 template <int D>
+Real ParticleSystem<D>::outside_speed(Real t, const Real* x) const {
+  return walls_.fastest(t, [&](const Vec<D>& from) {
+    Real most = 0;
+    for (Index i = 0; i < topology_.owned_points(); ++i) most = std::max(most, (point<D>(x, i) - from).norm());
+    return most;
+  });
+}
+
+template <int D>
 void ParticleSystem<D>::set_accepted(std::span<const Real> x) {
   const std::span<const Real> angles = rotations_in(x);
   accepted_angles_.assign(angles.begin(), angles.end());

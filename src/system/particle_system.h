@@ -41,6 +41,8 @@ class ParticleSystem final : public ImplicitSystem {
     return values.subspan(static_cast<std::size_t>(topology_.owned_points()) * D);
   }
   const Ranks& ranks() const override { return ranks_; }
+  std::size_t positions() const override { return static_cast<std::size_t>(topology_.owned_points()) * D; }
+  Real outside_speed(Real t, const Real* x) const override;
 
   void acceleration(Real t, const Real* x, const Real* v, Real* a) override;
   void moved_by(Real change) override { motion_.report(change); }

@@ -68,6 +68,8 @@ constexpr std::array explicit_types = {"euler", "rk", "ssp", ts_verlet};
 constexpr std::array stubborn_types = {"alpha", "alpha2"};
 constexpr std::array implicit_types = {"alpha", "alpha2", "arkimex", "bdf", "beuler", "cn", "rosw", "theta"};
 constexpr std::array split_types = {"arkimex", "arkode"};
+// Choose the next step themselves, and start afresh if PETSc's is another.
+constexpr std::array self_controlled_types = {"arkode", "cvode"};
 // Explicit types without an error estimate; rk has an estimate if its table is an embedded pair.
 constexpr std::array fixed_types = {"euler", "ssp"};
 constexpr std::array program_options = {"-ts_max_time", "-ts_final_time", "-ts_init_time", "-ts_time_span",
@@ -210,6 +212,7 @@ void TsIntegrator::configure() {
   }
 
   check_control(adapt, estimate);
+  longest_dt_ = longest_controlled_step();
   explicit_ = contains(explicit_types, type);
   fixed_ = explicit_ && !adaptive_;
   if (type == ts_arkode) {
@@ -229,11 +232,11 @@ void TsIntegrator::configure() {
   check_positive("the absolute tolerance of velocities (-ts_atol)", options_.atol_v);
   if (!std::isfinite(options_.rtol) || options_.rtol < 0)
     throw InputError("the relative tolerance (-ts_rtol) is {}, but it must be 0 or more and finite", options_.rtol);
-  for (const auto& [name, value] :
-       {std::pair("-ts_rtol", options_.rtol), {"-ts_atol", options_.atol_x}, {"-ts_atol", options_.atol_v}})
-    if (value >= largest_tolerance)
+  for (const auto& [name, value, size] : {std::tuple("-ts_rtol", options_.rtol, largest_tolerance),
+                                          {"-ts_atol", options_.atol_x, largest_tolerance * options_.length}})
+    if (value >= size)
       throw InputError("{} {:g} does not control errors: it allows errors as large as the solution; use one below {:g}",
-                       name, value, largest_tolerance);
+                       name, value, size);
   check_positive("the time step (-ts_dt)", options_.dt);
   if (needs_jacobian()) check_solvers();
 
@@ -546,6 +549,47 @@ std::string TsIntegrator::failure_of_trial() const {
   return last_failure_.empty() ? "" : fmt::format("; last failure in a trial step: {}", last_failure_);
 }
 
+namespace {
+
+Real largest_difference(std::size_t n, const Real* a, const Real* b) {
+  Real most = 0;
+  for (std::size_t i = 0; i < n; ++i) most = std::max(most, std::abs(a[i] - b[i]));
+  return most;
+}
+Real largest_magnitude(std::size_t n, const Real* a) {
+  Real most = 0;
+  for (std::size_t i = 0; i < n; ++i) most = std::max(most, std::abs(a[i]));
+  return most;
+}
+
+}  // namespace
+
+/// The largest speed of a coordinate after a step of length dt, which the state does not have yet, and the largest
+/// change of a velocity in it (0 without inertia).
+std::pair<Real, Real> TsIntegrator::motion_in_step(const Run& run, Real dt) {
+  const std::size_t n = run.system.positions(), coordinates = run.system.size();
+  const Read y(run.y);
+  if (!run.system.has_velocities()) return {largest_difference(n, y, run.state.x().data()) / dt, 0};
+  const Read separate(run.v != nullptr ? run.v : run.y);
+  const Real* const v = run.v != nullptr ? separate : y + coordinates;
+  return {largest_magnitude(n, v), largest_difference(n, v, run.state.v().data())};
+}
+
+Real TsIntegrator::limit_motion(Run& run, Real speed, Real change, Real dt) {
+  const Real fastest =
+                 run.system.ranks().max(std::max(speed, run.system.outside_speed(run.state.t, run.state.x().data()))),
+             acceleration = dt > 0 ? run.system.ranks().max(change) / dt : 0;
+  const Real sum = fastest + std::sqrt(square(fastest) + 2 * acceleration * options_.longest_move);
+  TSAdapt adapt = nullptr;
+  PetscReal least = 0;
+  petsc_check(TSGetAdapt(ts_, &adapt));
+  petsc_check(TSAdaptGetStepLimits(adapt, &least, nullptr));
+  const Real longest =
+      std::max(std::min(longest_dt_, sum > 0 ? 2 * options_.longest_move / sum : longest_dt_), 2 * least);
+  petsc_check(TSAdaptSetStepLimits(adapt, PETSC_DEFAULT, longest));
+  return longest;
+}
+
 void TsIntegrator::accept_step(Run& run) {
   PetscReal t = 0, dt_next = 0;
   PetscInt rejected = 0;
@@ -554,6 +598,14 @@ void TsIntegrator::accept_step(Run& run) {
   petsc_check(TSGetStepRejections(ts_, &rejected));
   const Real dt = t - run.t_before;
   const Real left = run.t_end - t;
+  if (limits_motion()) {
+    const auto [speed, change] = motion_in_step(run, dt);
+    const Real longest = limit_motion(run, speed, change, dt);
+    if (dt_next > longest && !contains(self_controlled_types, type_)) {
+      dt_next = longest;
+      petsc_check(TSSetTimeStep(ts_, dt_next));
+    }
+  }
   // A last step that misses t_end by rounding would be followed by one of 1e-16.
   const bool end = left <= 4 * std::numeric_limits<Real>::epsilon() * std::abs(run.t_end);
   if (end) {
@@ -662,6 +714,13 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
     petsc_check(TSGetKSPIterations(ts_, &iterations_before));
   }
   set_functions(run);
+  if (limits_motion()) {
+    std::vector<Real> rates(unknowns);
+    if (!system.has_velocities()) system.rate(state.t, state.x().data(), rates.data());
+    const Real* const speeds = system.has_velocities() ? state.v().data() : rates.data();
+    const Real longest = limit_motion(run, largest_magnitude(system.positions(), speeds), 0, 0);
+    if (dt_ > longest) petsc_check(TSSetTimeStep(ts_, longest));
+  }
   last_failure_.clear();
   outside_ = false;
   petsc_check(TSSetApplicationContext(ts_, &run));
@@ -715,6 +774,15 @@ Real TsIntegrator::shortest_controlled_step() const {
   petsc_check(TSGetAdapt(ts_, &adapt));
   petsc_check(TSAdaptGetStepLimits(adapt, &shortest, nullptr));
   return shortest;
+}
+
+Real TsIntegrator::longest_controlled_step() const {
+  if (!adaptive_) return std::numeric_limits<Real>::infinity();
+  TSAdapt adapt = nullptr;
+  PetscReal longest = 0;
+  petsc_check(TSGetAdapt(ts_, &adapt));
+  petsc_check(TSAdaptGetStepLimits(adapt, nullptr, &longest));
+  return longest;
 }
 
 namespace {

@@ -19,10 +19,14 @@ struct TsOptions {
   Real rtol = 1e-4;    ///< -ts_rtol, relative to the velocities; positions get none, as their origin is arbitrary
   Real atol_x = 1e-4;  ///< -ts_atol, absolute error of a position per step
   Real atol_v = 1e-4;  ///< -ts_atol, absolute error of a velocity per step
+  Real length = 1;     ///< mean diameter (droplets: radius): positions with errors as large are unknown
   Real dt = 1e-3;      ///< -ts_dt, the first step, or the fixed one, in t0
   /// -ts_adapt_dt_max, of a controlled step: free flight has no error that would shorten a step before it jumps over an
   /// obstacle.
   Real longest_dt = std::numeric_limits<Real>::infinity();
+  /// For the same reason, of a controlled step: no coordinate and no wall is expected to move by more than this, at the
+  /// speeds after the last step and accelerations during it.
+  Real longest_move = std::numeric_limits<Real>::infinity();
   /// Implicit part of an implicit type: all forces, or the shape energy only, with explicit other forces (IMEX).
   TermGroup implicit = TermGroup::all;
   JacobianKind jacobian = JacobianKind::assembled;
@@ -73,6 +77,8 @@ class TsIntegrator : public Integrator {
   /// Of rk, ssp, euler, verlet and arkode with explicit tables; infinite for others.
   Real longest_stable_step(const FastestRates& rates) const override;
   Real shortest_controlled_step() const override;
+  /// -ts_adapt_dt_max, or TsOptions::longest_dt; infinite without error control.
+  Real longest_controlled_step() const;
 
  private:
   struct Run;  // data of the callbacks
@@ -108,6 +114,11 @@ class TsIntegrator : public Integrator {
   void evaluate_implicit(Run& run, Real t, const Real* x, const Real* v, Real* a);
   void update_jacobian(::Mat a, Real t, const Real* x, const Real* v, const JacobianWeights& weights);
   void accept_step(Run& run);
+  bool limits_motion() const { return adaptive_ && std::isfinite(options_.longest_move); }
+  static std::pair<Real, Real> motion_in_step(const Run& run, Real dt);
+  /// Limits the next steps by TsOptions::longest_move. change: of a velocity in the last step, of length dt. Returns
+  /// the longest step.
+  Real limit_motion(Run& run, Real speed, Real change, Real dt);
   std::string failure_of_trial() const;  ///< for messages; empty without one
 
   TsOptions options_;
@@ -126,6 +137,7 @@ class TsIntegrator : public Integrator {
   int shortened_ = 0;  // times that the first step has been divided by four
   std::size_t configured_size_ = 0;
   Real dt_ = 0;
+  Real longest_dt_ = 0;       // of controlled steps, whatever the motion
   std::string last_failure_;  // message of a failed evaluation at a trial state
   bool outside_ = false;      // a stage of the step being tried had no forces
   IntegratorStatistics statistics_;

@@ -65,6 +65,7 @@ def test_positions_that_are_no_real_numbers(values, words):
     (lambda: on_a_floor().move_wall(0, velocity=(np.nan, 0)), "velocity has a number that is not finite"),
     (lambda: on_a_floor().move_wall(0, spin=np.nan), "spin"),
     (lambda: on_a_floor().move_wall(0, amplitude=(np.inf, 0)), "amplitude"),
+    (lambda: on_a_floor().move_wall(0, amplitude=(1, 0)), "without a frequency never moves"),
     (lambda: on_a_floor().move_wall(0, frequency=np.nan), "frequency and phase must be finite"),
     (lambda: on_a_floor().move_wall(0, phase=np.nan), "frequency and phase must be finite"),
     (lambda: on_a_floor().move_wall(0, pivot=(np.nan, 0), spin=1), "pivot"),

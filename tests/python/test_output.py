@@ -19,6 +19,21 @@ def bouncing(output=None, **options):
                       e_sp=100, zeta=0.1, dt=1e-3, output=output, **options)
 
 
+def test_another_working_directory(tmp_path, monkeypatch):
+    """The run stays in its folder when the program changes its directory."""
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path)
+    with bouncing("run", frame_interval=0.1) as sim:
+        monkeypatch.chdir(tmp_path / "elsewhere")
+        sim.run(0.2)
+    assert not list((tmp_path / "elsewhere").iterdir()) and len(Run(tmp_path / "run").frames) == 3
+    monkeypatch.chdir(tmp_path)
+    with Simulation.restart("run") as sim:
+        monkeypatch.chdir(tmp_path / "elsewhere")
+        sim.run(0.2)
+    assert not list((tmp_path / "elsewhere").iterdir()) and len(Run(tmp_path / "run").frames) == 5
+
+
 def test_a_folder_that_run_reads(tmp_path):
     sim = bouncing(tmp_path / "run", frame_interval=0.5, sample_interval=0.1)
     assert sim.output == str(tmp_path / "run")

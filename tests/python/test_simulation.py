@@ -1124,6 +1124,64 @@ def test_a_drawing_in_a_box_and_in_space():
                 sim.draw("mass")
 
 
+# --- Free flight, without errors that would shorten a step
+
+CONTROLLED = ["rk", "cvode", "arkode", "bdf", "arkimex"]
+
+
+@pytest.mark.parametrize("integrator", CONTROLLED)
+def test_disks_that_fly_at_each_other_collide(integrator):
+    sim = Simulation([[0, 0], [40, 0.1]], 1, velocities=[[1, 0], [-1, 0]], e_sp=100, integrator=integrator)
+    sim.run(60)
+    assert sim.velocities[0] == pytest.approx([-0.97, -0.245], abs=0.01)
+
+
+@pytest.mark.parametrize("integrator", CONTROLLED)
+def test_a_wall_that_moves_hits_a_disk_at_rest(integrator):
+    walls = pliant.Walls(2)
+    walls.half_space((-30, 0), (1, 0), velocity=(5, 0))
+    sim = Simulation([[0, 0]], 1, walls=walls, e_sp=100, e_w=100, integrator=integrator)
+    sim.run(20)
+    assert sim.velocities[0] == pytest.approx([10, 0], abs=0.1)
+
+
+@pytest.mark.parametrize("integrator", CONTROLLED)
+def test_a_disk_that_falls_from_rest_hits_the_floor(integrator):
+    walls = pliant.Walls(2)
+    walls.half_space((0, 0), (0, 1))
+    sim = Simulation([[0, 200]], 1, walls=walls, gravity=(0, -1), e_w=1000, integrator=integrator)
+    sim.run(30)  # the floor at t = 20, at a speed of 20
+    assert sim.velocities[0] == pytest.approx([0, 10], abs=0.2)
+
+
+@pytest.mark.parametrize("integrator", ["rk", "cvode"])
+def test_a_disk_without_inertia_stops_at_the_floor(integrator):
+    walls = pliant.Walls(2)
+    walls.half_space((0, 0), (0, 1))
+    sim = Simulation([[0, 50]], 1, walls=walls, gravity=(0, -1), dynamics="overdamped", zeta=1, e_w=100, integrator=integrator)
+    sim.run(100)
+    assert sim.positions[0, 1] == pytest.approx(0.5, abs=0.01)
+
+
+@pytest.mark.parametrize("integrator", ["rk", "cvode", "arkode"])
+def test_controlled_steps_in_other_units(integrator):
+    """The default tolerances and the longest step follow the diameters: the flow is the same in each unit of length."""
+    def energies(length):
+        rng = np.random.default_rng(2)
+        x = np.stack(np.meshgrid(np.arange(4), np.arange(4)), -1).reshape(-1, 2) * 0.95
+        sim = Simulation(x * length, length, velocities=rng.normal(size=x.shape) * length, e_sp=100 * length**4, integrator=integrator)
+        before = sum(sim.energies.values())
+        sim.run(2)
+        return before / length**4, sum(sim.energies.values()) / length**4, sim.positions / length
+
+    before, after, x = energies(1)
+    assert after == pytest.approx(before, rel=0.01)
+    for length in (1e-5, 1e4):
+        other_before, other_after, other = energies(length)
+        assert other_before == pytest.approx(before) and other_after == pytest.approx(before, rel=0.01)
+        assert np.abs(other - x).max() < 0.05
+
+
 # --- Particles that pass through each other
 
 

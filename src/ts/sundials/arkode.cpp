@@ -320,7 +320,10 @@ PetscErrorCode evolve(TS ts) {
   PetscFunctionBegin;
   for (PetscInt rejected = 0;; ++rejected) {
     PetscReal t = ts->ptime, h = ts->time_step;
-    if (d.fixed_steps()) PetscCall(d.check(d.stepper->fixed_step(d.memory, h)));
+    if (d.fixed_steps())
+      PetscCall(d.check(d.stepper->fixed_step(d.memory, h)));
+    else
+      PetscCall(d.check(d.stepper->max_step(d.memory, ts->adapt->dt_max)));  // may change from step to step
     if (ts->exact_final_time == TS_EXACTFINALTIME_MATCHSTEP) {
       const bool span = ts->tspan && ts->tspan->spanctr < ts->tspan->num_span_times;
       PetscCall(
