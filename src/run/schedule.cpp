@@ -47,12 +47,41 @@ bool EvenSamples::take(Real t) {
   return true;
 }
 
+namespace {
+
+/// Whether steps of various lengths, some longer than the interval of the samples, are the reason for its spacing.
+bool follows_the_steps(const std::vector<Real>& time, const std::vector<Real>& dt, Real interval) {
+  if (time.size() < 3) return false;
+  const auto [least, most] = std::minmax_element(dt.begin() + 1, dt.end() - 1);
+  return *most > interval * (1 + 1e-9) && *most > *least * (1 + 1e-9);
+}
+
+/// For times at equal distances, as many as the rows, the first row at or after each.
+std::vector<std::uint64_t> rows_at_equal_distances(const std::vector<Real>& time, std::vector<Real>& at) {
+  const auto n = static_cast<Real>(time.size() - 1);
+  std::vector<std::uint64_t> rows;
+  std::uint64_t row = 0;
+  for (std::size_t k = 0; k < time.size(); ++k) {
+    at.push_back(time.front() + (time.back() - time.front()) * static_cast<Real>(k) / n);
+    while (row + 1 < time.size() && time[row] < at.back()) ++row;
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+}  // namespace
+
 Series even_rows(const Series& series, EvenSamples even) {
   std::vector<std::uint64_t> rows;
+  std::vector<Real> at;
   const std::vector<Real>& time = series.at("time").values;
-  for (std::uint64_t row = 0; row < time.size(); ++row)
-    if (even.take(time[row])) rows.push_back(row);
-  if (rows.size() == time.size()) return series;
+  if (follows_the_steps(time, series.at("dt").values, even.interval())) {
+    rows = rows_at_equal_distances(time, at);
+  } else {
+    for (std::uint64_t row = 0; row < time.size(); ++row)
+      if (even.take(time[row])) rows.push_back(row);
+    if (rows.size() == time.size()) return series;
+  }
   Series picked;
   for (const auto& [name, column] : series) {
     SeriesColumn& to = picked[name];
@@ -63,6 +92,7 @@ Series even_rows(const Series& series, EvenSamples even) {
       to.values.insert(to.values.end(), from, from + static_cast<std::ptrdiff_t>(column.width));
     }
   }
+  if (!at.empty()) picked.at("time").values = std::move(at);
   return picked;
 }
 

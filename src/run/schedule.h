@@ -45,13 +45,16 @@ class EvenSamples {
   explicit EvenSamples(const Schedule& samples) : all_(!samples.changed()), due_(samples.longest()) {}
   /// Whether to take the next sample, of this time.
   bool take(Real t);
+  Real interval() const { return due_.longest(); }
 
  private:
   bool all_;
   Schedule due_;
 };
 
-/// The rows of a series that `even` takes; its column "time" has their times.
+/// The rows of a series that `even` takes; its columns "time" and "dt" have their times and the steps that led to them.
+/// A state that lasts for a long step has few rows if error control makes steps longer than the interval. Then the
+/// result has as many rows at equal distances in time, each the first at or after its time.
 Series even_rows(const Series& series, EvenSamples even);
 
 }  // namespace pliant

@@ -84,6 +84,17 @@ def test_integrators_agree(tmp_path):
         assert np.abs(apart).max() < error, name
 
 
+def test_flow_stress_of_rare_contacts_with_error_control(tmp_path):
+    """Steps in free flight are longer than those of a contact: neither may have more weight in the mean, nor may a step pass
+    over a contact."""
+    options = {"n": 2, "size_distribution": "mono", "fraction": 0.6, "zeta": 0.3, "shear_rate": 0.03, "strain": 60}
+    fixed = shear(tmp_path / "fixed", **options).summary
+    for name, more in (("default", {}), ("fine", {"sample_interval": 0.02})):
+        flow = shear(tmp_path / name, integrator="ts", **options, **more).summary
+        for quantity in ("flow_stress", "flow_pressure"):
+            assert flow[quantity]["value"] == pytest.approx(fixed[quantity]["value"], rel=0.04)
+
+
 def test_work_with_error_control(tmp_path):
     """Steps of such methods are long: work and heat are sampled at every step."""
     run = shear(tmp_path / "run", shear_rate=0.1, integrator="ts", ts_type="rk")

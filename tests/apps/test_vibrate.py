@@ -111,6 +111,11 @@ def test_threads_change_nothing(tmp_path):
     assert all(np.array_equal(one[name], two[name], equal_nan=True) for name in one)
 
 
+def test_steps_longer_than_samples_are_refused(tmp_path):
+    result = pliant("vibrate", n=3, box_width=6, cycles=2, integrator="ts", ts_adapt_dt_max=1, output=tmp_path / "run")
+    assert result.returncode == 2 and "-ts_adapt_dt_max 1 is longer than the time between samples" in result.stderr
+
+
 def test_integrators_agree(tmp_path):
     verlet = vibrate(tmp_path / "verlet", model="sp", mu=1, n=8, box_width=4, cycles=1, dt=1e-4)
     adaptive = vibrate(tmp_path / "ts", model="sp", mu=1, n=8, box_width=4, cycles=1, integrator="ts", ts_rtol=1e-9, ts_atol=1e-9)

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include <pliant/base/rng.h>
 #include <pliant/run/schedule.h>
@@ -119,11 +120,12 @@ TEST_CASE("averages take evenly spaced samples", "[schedule]") {
   Series series;
   const auto add = [&](Real t) {
     series["time"].values.push_back(t);
+    series["dt"].values.push_back(0.01);
     series["row"].values.insert(series["row"].values.end(), {t, -t});
   };
   for (int k = 0; k < 10; ++k) add(k);
   for (int k = 0; k <= 40; ++k) add(10 + k * 0.25);
-  series["time"].rows = series["row"].rows = 51;
+  series["time"].rows = series["dt"].rows = series["row"].rows = 51;
   series["row"].width = 2;
   const Series all = even_rows(series, EvenSamples(Schedule(0.25)));  // as if it had never changed
   CHECK(all.at("time").values.size() == 51);
@@ -139,6 +141,31 @@ TEST_CASE("averages take evenly spaced samples", "[schedule]") {
     CHECK(even.at("time").values[k] == k);
     CHECK(even.at("row").values[2 * k + 1] == -k);
   }
+}
+
+TEST_CASE("averages weight rows by time where steps are longer than the interval", "[schedule]") {
+  // The state 1 lasts for 0.2, in 20 short steps, then the state 0 for one long step.
+  Series series;
+  const auto add = [&](Real t, Real dt, Real value) {
+    series["time"].values.push_back(t);
+    series["dt"].values.push_back(dt);
+    series["value"].values.push_back(value);
+  };
+  Real t = 0;
+  add(t, 0, 0);
+  for (int k = 0; k < 100; ++k) {
+    for (int j = 1; j <= 20; ++j) add(t += 0.01, 0.01, 1);
+    const Real step = 0.8 + 0.1 * std::sin(k);
+    add(t += step, step, 0);
+  }
+  for (auto& [name, column] : series) column.rows = column.values.size();
+  const Series even = even_rows(series, EvenSamples(Schedule(0.01)));
+  const std::vector<Real>&time = even.at("time").values, &value = even.at("value").values;
+  REQUIRE(time.size() == series["time"].rows);
+  for (std::size_t k = 0; k < time.size(); ++k) CHECK(time[k] == Approx(t * k / (time.size() - 1)));
+  const Real mean = std::accumulate(value.begin(), value.end(), 0.0) / static_cast<Real>(value.size());
+  CHECK(mean == Approx(20 / t).epsilon(0.02));
+  CHECK(even.at("dt").values.back() > 0.7);
 }
 
 }  // namespace pliant::test::schedule_test

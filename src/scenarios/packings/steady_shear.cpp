@@ -26,6 +26,8 @@ namespace {
 
 /// Largest growth of the strain in a step; with a larger one touching particles pass each other in a few steps.
 constexpr Real most_strain = 0.1;
+constexpr Real most_controlled_strain =
+    0.01;  // free particles have no error that would shorten a step before they touch
 
 /// All terms but the drag, which has no part in a minimum of the energy.
 PackOptions preparation(const ShearOptions& p) {
@@ -67,7 +69,8 @@ std::unique_ptr<Integrator> SteadyShear<D>::make_integrator(Real dt) {
   if (p_.integrator == ShearIntegrator::verlet) {
     integrator = std::make_unique<FixedStepVerlet>(dt);
   } else {
-    integrator = std::make_unique<TsIntegrator>(TsOptions{.dt = dt}, this->ranks().comm());
+    integrator = std::make_unique<TsIntegrator>(TsOptions{.dt = dt, .longest_dt = most_controlled_strain / *p_.rate},
+                                                this->ranks().comm());
   }
   critical_step_ = longest_stable_step(*integrator, motions());
   return integrator;

@@ -21,6 +21,7 @@
 #include <pliant/run/memory.h>
 #include <pliant/run/overlap_check.h>
 #include <pliant/run/passage_watch.h>
+#include <pliant/run/step_check.h>
 #include <pliant/scenarios/particles/motions.h>
 #include <pliant/scenarios/particles/options.h>
 #include <pliant/scenarios/vibrate/options.h>
@@ -121,6 +122,12 @@ class VibrateProtocol final : public Protocol<D> {
       integrator = std::make_unique<FixedStepVerlet>(dt);
     } else {
       auto ts = std::make_unique<TsIntegrator>(TsOptions{.dt = dt, .longest_dt = p_.sample_interval}, ranks().comm());
+      if (const Real longest = ts->longest_controlled_step();
+          std::isfinite(longest) && above(longest, p_.sample_interval))
+        throw InputError(
+            "-ts_adapt_dt_max {:g} is longer than the time between samples, {:.4g} t0: cycles would have different "
+            "numbers of samples; lower it or -samples_per_cycle, or leave it out",
+            longest, p_.sample_interval);
       if (ts->needs_jacobian()) particles().check_derivatives();  // before there is a folder
       integrator = std::move(ts);
     }
