@@ -81,6 +81,35 @@ Real Container::capacity(int dim, Real y) const {
   return all;
 }
 
+Real Container::capacity_near_axis(int dim, Real half, Real height) const {
+  constexpr int rows = 400, columns = 100, halvings = 30;
+  const Real left = dim == 2 ? -half : 0, step = (half - left) / columns;
+  const auto up_to = [&](Real x) { return dim == 2 ? x : pi * x * x; };
+  Real sum = 0;
+  bool whole = true;
+  for (int row = 0; row < rows; ++row) {
+    const Real y = (row + 0.5) * height / rows;
+    bool in = inside(dim, {left, y});
+    if (in) sum -= up_to(left);
+    for (int k = 1; k <= columns; ++k) {
+      whole = whole && in;
+      Real last = left + (k - 1) * step, next = k < columns ? left + k * step : half;
+      const bool now = inside(dim, {next, y});
+      if (now != in) {  // the region begins or ends between both
+        for (int n = 0; n < halvings; ++n) {
+          const Real middle = (last + next) / 2;
+          (inside(dim, {middle, y}) == in ? last : next) = middle;
+        }
+        sum += in ? up_to(next) : -up_to(next);
+      }
+      in = now;
+    }
+    whole = whole && in;
+    if (in) sum += up_to(half);
+  }
+  return whole ? (up_to(half) - up_to(left)) * height : sum * height / rows;
+}
+
 Real Container::fill_height(int dim, Real content) const {
   Real low = 0, high = 1;
   while (capacity(dim, high) < content) high *= 2;

@@ -57,6 +57,8 @@ class Container {
   bool has_room(const Walls<D>& walls, const Vec<D>& r, Real radius, Real margin) const;
   /// Area (volume) between the orifice and height y.
   Real capacity(int dim, Real y) const;
+  /// Area (volume) of the points inside with |x| (in 3D the distance from the axis) below `half`, up to this height.
+  Real capacity_near_axis(int dim, Real half, Real height) const;
   /// Height up to which the content fills it.
   Real fill_height(int dim, Real content) const;
 

@@ -190,6 +190,12 @@ Real number_of(const Json& value) {
   return none;
 }
 
+/// Whether it is a result of a flow that has ended: an average over the flow and the rest after it.
+bool is_without_flow(const Json& value) {
+  const std::string reason = value.is_object() ? value.value("no_error", "") : "";
+  return reason == no_flow::clogged || reason == no_flow::at_rest;
+}
+
 /// Mean and standard error over members.
 struct Mean {
   std::vector<Real> values;
@@ -197,10 +203,11 @@ struct Mean {
 
   Json json() const {
     const auto n = static_cast<Real>(values.size());
+    // Relative to the first value: then equal values have no error at all.
     Real mean = 0, squares = 0;
-    for (const Real v : values) mean += v / n;
-    for (const Real v : values) squares += (v - mean) * (v - mean);
-    Json q = quantity(mean, std::sqrt(squares / (n * (n - 1))), unit);
+    for (const Real v : values) mean += (v - values.front()) / n;
+    for (const Real v : values) squares += square(v - values.front() - mean);
+    Json q = quantity(values.front() + mean, std::sqrt(squares / (n * (n - 1))), unit);
     if (unit.empty()) q.erase("unit");
     q["members"] = values.size();
     return q;
@@ -472,13 +479,17 @@ class Ensemble {
     Json group = Json::object();
     if (!varied_.values.empty()) group[varied_.option] = varied_.values[value];
     Index whole = 0;
+    std::map<std::string, Index> statuses;
     std::map<std::string, Mean> means;
     const auto first = static_cast<Index>(value) * p_.ensemble;
     for (Index member = first; member < first + p_.ensemble; ++member) {
       const Json& summary = done_.at(member);
-      if (summary.value("status", "") == "failed") continue;
+      const std::string status = summary.value("status", "");
+      ++statuses[status];
+      if (status == "failed") continue;
       ++whole;
       for (const std::string name : summary["results"]) {
+        if (is_without_flow(summary[name])) continue;
         const Real number = number_of(summary[name]);
         if (!std::isfinite(number)) continue;
         means[name].values.push_back(number);
@@ -487,6 +498,7 @@ class Ensemble {
       }
     }
     group["members"] = whole;
+    group["statuses"] = statuses;
     group["results"] = Json::object();
     for (const std::string& name : result_names())
       if (const auto mean = means.find(name); mean != means.end()) group["results"][name] = mean->second.json();
@@ -504,7 +516,11 @@ class Ensemble {
       groups.push_back(results_of(value));
     for (const Json& group : groups) {
       if (!varied_.values.empty()) say("-{} {}: ", varied_.option, std::string(group[varied_.option]));
-      say("means of {} runs\n", group["members"].get<Index>());
+      std::vector<std::string> statuses;
+      for (const auto& [status, count] : group["statuses"].items())
+        statuses.push_back(fmt::format("{} {}", count.get<Index>(), status));
+      say("means of {} runs{}\n", group["members"].get<Index>(),
+          statuses.size() > 1 ? fmt::format(" ({})", fmt::join(statuses, ", ")) : "");
       for (const auto& [name, q] : group["results"].items())
         say("  {:<24} {:.6g} +- {} {}{}\n", name, number_of(q),
             q["error"].is_number() ? fmt::format("{:.2g}", Real(q["error"])) : "(unknown)", q.value("unit", ""),

@@ -96,6 +96,13 @@ def test_means_and_table(tmp_path):
     assert "-n 16: means of 4 runs" in result.stdout
 
 
+def test_equal_results_have_no_error(tmp_path):
+    result = pliant("clog", output=tmp_path / "run", n=2, hopper_width=3, phi_c=0, g=0.2, ensemble=6)
+    assert result.returncode == 0, result.stderr
+    size = json.loads((tmp_path / "run/summary.json").read_text(encoding="utf-8"))["groups"][0]["results"]["avalanche_size"]
+    assert size["value"] == 2 and size["error"] == 0
+
+
 def test_result_with_the_name_of_the_varied_option(tmp_path):
     pliant_python = pytest.importorskip("pliant")
     result = pliant("pack", output=tmp_path / "run", n=16, pressure=1e-3, ensemble=3, ensemble_over="fraction=0.7,0.75")

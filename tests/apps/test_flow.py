@@ -4,6 +4,7 @@ import json
 import re
 
 import numpy as np
+import pandas as pd
 import pytest
 from conftest import SMALL, Results, assert_same_runs, hopper, pliant
 
@@ -388,6 +389,34 @@ def test_a_clog_after_some_flow_is_no_flow(tmp_path):
     # Averages over the flow and the rest are averages of neither.
     assert not results.summary["steady"]
     assert results.summary["contacts_per_particle"]["error"] is None and results.summary["bulk_fraction"]["error"] is None
+
+
+@pytest.mark.parametrize("options, share", [({}, 1), ({"hopper_wall_distance": 8, "hopper_width": 5}, 0.8),
+                                            ({"hopper_wall_distance": 12, "hopper_width": 4, "hopper_angle": 30}, 0.78350)])
+def test_the_packing_fraction_at_the_orifice_is_that_between_the_walls(options, share, tmp_path):
+    s = hopper(tmp_path / "run", t_end=10, mu=0, zeta=1, size_distribution="mono", **options).summary
+    density = s["orifice_density"]["value"] * np.pi / 4
+    assert s["Q_corrected"]["value"] == pytest.approx(s["Q"]["value"] / density * share, rel=1e-4)
+
+
+def test_an_ensemble_has_no_clogged_runs_in_the_mean_of_its_flow(tmp_path):
+    for width in (1.9, 1.8, 1.7, 2.0, 1.6):
+        result = pliant("hopper", output=tmp_path / str(width), **{**SMALL, "hopper_width": width, "zeta": 1, "clog_time": 1,
+                                                                   "t_end": 30, "frame_interval": 50}, ensemble=8)
+        assert result.returncode == 0, result.stderr
+        table = pd.read_csv(tmp_path / str(width) / "members.csv")
+        clogged, flows = table[table.status == "clogged"], table[table.status == "done"]
+        if len(clogged) > 0 and len(flows) > 0:
+            break
+    else:
+        pytest.fail("no width with clogs and flows")
+    assert (clogged.Q == 0).all()
+    group = json.loads((tmp_path / str(width) / "summary.json").read_text(encoding="utf-8"))["groups"][0]
+    assert group["statuses"] == {"clogged": len(clogged), "done": len(flows)}
+    assert f"means of 8 runs ({len(clogged)} clogged, {len(flows)} done)" in result.stdout
+    for name in ("Q", "contacts_per_particle"):
+        assert group["results"][name]["members"] == len(flows)
+        assert group["results"][name]["value"] == pytest.approx(flows[name].mean())
 
 
 def test_particles_below_the_orifice_will_flow_again(tmp_path):

@@ -52,6 +52,21 @@ TEST_CASE("a hopper is a container", "[container]") {
   }
 }
 
+TEST_CASE("capacity near the axis", "[container]") {
+  const Real w = 4;
+  const Container flat(Hopper{.wall_distance = 8, .orifice = w});
+  CHECK(flat.capacity_near_axis(2, w, w) == 2 * w * w);
+  CHECK(flat.capacity_near_axis(3, w, w) == pi * w * w * w);
+  CHECK(flat.capacity_near_axis(2, 5, w) == Approx(8 * w));
+  // Between slopes of 45° the width grows from w to 2w within a height of w/2.
+  const Container sloped(Hopper{.wall_distance = 20, .orifice = w, .angle = 45});
+  CHECK(sloped.capacity_near_axis(2, w, w) == Approx(1.75 * w * w).epsilon(1e-6));
+  const auto cone = [](Real from, Real to) { return pi * (to * to * to - from * from * from) / 3; };
+  CHECK(sloped.capacity_near_axis(3, w, w) == Approx(cone(w / 2, w) + pi * w * w * w / 2).epsilon(1e-5));
+  const Container blocked(Hopper{.wall_distance = 8, .orifice = w}, {Obstacle{{{0.5, 2}}, 1}});
+  CHECK(blocked.capacity_near_axis(2, w, w) == Approx(2 * w * w - pi).epsilon(1e-3));
+}
+
 TEST_CASE("capacity and inside of outlines with obstacles", "[container]") {
   const Container container(leaning(), obstacles);
   CHECK(container.orifice() == 2);

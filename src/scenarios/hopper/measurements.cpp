@@ -43,6 +43,13 @@ auto bulk_region(const Container& container, Real top) {
     return CylinderRegion{half, low, high};
 }
 
+/// Share of the region of `orifice_density` that lies between the walls, and in no obstacle.
+Real share_inside(const HopperOptions& p) {
+  const Real w = p.container->orifice();
+  const Real whole = p.dim == 2 ? orifice_region<2>(w).measure() : orifice_region<3>(w).measure();
+  return p.container->capacity_near_axis(p.dim, w, w) / whole;
+}
+
 }  // namespace
 
 std::vector<Real> profile_heights() {
@@ -208,9 +215,10 @@ nlohmann::ordered_json evaluate_series(const Series& series, const HopperOptions
   result["Q_correlation_time"] =
       quantity(flow.steady.steady ? q.correlation_time : BlockAverage::unknown, BlockAverage::unknown, "t0");
 
-  // Q' = Q a_eff/a_avg, a_eff = 1/ρ_n in the region at the orifice [H App. B].
+  // Q' = Q a_eff/a_avg [H App. B]. a_eff is the part of the region at the orifice that lies inside, over the number of
+  // centres there: the whole region is inside above a flat bottom, and then a_eff = 1/ρ_n.
   const BlockAverage density = average("orifice_density");
-  const Real factor = 1 / (density.mean * mean_size);
+  const Real factor = share_inside(options) / (density.mean * mean_size);
   result["Q_corrected"] =
       quantity(q.value * factor, factor * std::hypot(q.error, q.value * density.error / density.mean), rate_unit);
   result["orifice_density"] = report(density, "sigma_avg^-" + d);

@@ -71,7 +71,7 @@ std::string reason_without_error(const HopperEnd& end, const nlohmann::ordered_j
   const bool drifts = measured.contains("steady") && !measured["steady"] &&
                       std::string(measured["steady_explanation"]).starts_with("not steady");
   if (measured.contains("passing_overlap")) return "particles passed through each other or a wall";
-  if (end.rests()) return end.ended_as("clogged") ? "clogged" : "at rest";
+  if (end.rests()) return std::string(end.ended_as("clogged") ? no_flow::clogged : no_flow::at_rest);
   if (measured.contains("Q") && measured["Q"]["value"] == 0) return "nothing has crossed";
   if (drifts) return "the flow is not steady";
   if (few) return fmt::format("fewer than {} steady samples", BlockAverage::least_samples);
