@@ -141,6 +141,9 @@ BlockAverage block_ratio(std::span<const Real> numerator, std::span<const Real> 
   const Real sum = std::accumulate(denominator.begin(), denominator.end(), Real{0});
   if (sum == 0) return result;
   const Real ratio = std::accumulate(numerator.begin(), numerator.end(), Real{0}) / sum;
+  result.mean = ratio;
+  // The deviation of a single sample with weight is 0.
+  if (std::ranges::count_if(denominator, [](Real d) { return d != 0; }) < 2) return result;
   const Real scale = static_cast<Real>(numerator.size()) / sum;
   std::vector<Real> deviation(numerator.size());
   for (std::size_t i = 0; i < deviation.size(); ++i) deviation[i] = (numerator[i] - ratio * denominator[i]) * scale;

@@ -294,7 +294,8 @@ Options::Request Options::parse(const std::vector<std::string>& arguments) {
   for (Setting& setting : from_arguments) {
     if (setting.name != "options_file") continue;
     if (!setting.value || setting.value->empty()) throw InputError("-options_file: needs the name of a file");
-    for (Setting& entry : read_options_file(*setting.value)) settings.push_back(std::move(entry));
+    for (Setting& entry : read_options_file(*setting.value))
+      if (!entry.group || find(entry.name) != nullptr) settings.push_back(std::move(entry));  // not of an empty group
   }
   std::erase_if(from_arguments, [](const Setting& setting) { return setting.name == "options_file"; });
   std::move(from_arguments.begin(), from_arguments.end(), std::back_inserter(settings));

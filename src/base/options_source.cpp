@@ -144,11 +144,14 @@ class YamlReader {
       if (word == "<<" || word.starts_with("$$"))
         fail(key, fmt::format("the key {} is not supported", printable(word)));
       const std::string name = prefix + word;
-      if (value.type == YAML_MAPPING_NODE) {
+      const bool empty =
+          value.type == YAML_MAPPING_NODE && value.data.mapping.pairs.start == value.data.mapping.pairs.top;
+      if (value.type == YAML_MAPPING_NODE && !empty) {
         read_mapping(document, value, name + "_", depth + 1);
       } else {
         Setting& setting = settings_.emplace_back(Setting{name, {}, file_, line(key)});
-        setting.null = is_null(value);
+        setting.group = empty;
+        setting.null = empty || is_null(value);
         if (!setting.null) setting.value = value_of(document, value);
       }
     }

@@ -15,6 +15,7 @@ struct Setting {
   std::string source;                ///< "command line" or the file
   int line = 0;                      ///< in the file, from 1; 0 for the command line
   bool null = false;                 ///< a key of YAML without a value
+  bool group = false;                ///< a key of YAML with an empty group of keys, {}
 
   /// Folder of the options file; empty for the command line.
   std::filesystem::path folder() const;

@@ -226,6 +226,11 @@ TEST_CASE("ratio of two correlated series") {
   CHECK(block_ratio(proportional, denominator).mean == Approx(1.5));
   CHECK(block_ratio(proportional, denominator).error < 1e-15);
   CHECK(std::isnan(block_ratio(std::vector<Real>(100), std::vector<Real>(100)).mean));
+  std::vector<Real> single(100), one(100);
+  single[7] = 3;
+  one[7] = 2;
+  CHECK(block_ratio(single, one).mean == 1.5);
+  CHECK(std::isnan(block_ratio(single, one).error));  // a single sample with weight
   CHECK_THROWS_AS(block_ratio(numerator, std::vector<Real>(3)), InputError);
 }
 

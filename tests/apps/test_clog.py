@@ -43,6 +43,13 @@ def test_fast_droplets(seed, tmp_path):
     assert result.returncode == 0, result.stderr
 
 
+def test_a_start_in_other_units_is_warned_of(tmp_path):
+    table = tmp_path / "start.csv"
+    table.write_text("x,y,diameter\n0,20,6\n8,30,6\n", encoding="utf-8")
+    result = pliant("clog", start=table, t_end=1, output=tmp_path / "run")
+    assert result.returncode == 0 and "the mean radius is 3, but lengths of a run are in mean radii" in result.stderr
+
+
 def test_clogged(tmp_path):
     """One droplet that is wider than the exit is a clog, and it rests where both tips hold it."""
     run = clog(tmp_path / "run", n=1, hopper_width=0.6, delta=0, rest="speed", dt=0.05)

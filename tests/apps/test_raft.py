@@ -121,6 +121,16 @@ def test_extension_breaks_the_raft(tmp_path):
     assert np.abs(run.series["budget_error"]).max() < 1e-6
 
 
+def test_samples_follow_the_wall(tmp_path):
+    """Peaks of the force are narrow in the distance of the walls, and so are samples."""
+    for speed, interval in ((1e-5, 10), (2e-3, 0.5)):
+        result = pliant("raft", rows=2, columns=2, v_wall=speed, t_end=30, output=tmp_path / str(speed))
+        assert result.returncode == 0, result.stderr
+        assert np.diff(Results(tmp_path / str(speed)).series["time"]).mean() == pytest.approx(interval, rel=0.2)
+    result = pliant("raft", rows=2, columns=2, v_wall=0.05, motion="extension", output=tmp_path / "torn")
+    assert result.returncode == 0 and Results(tmp_path / "torn").summary["ended_by"] == "end_distance"
+
+
 def test_walls_move_and_tilt(tmp_path):
     run = compress(tmp_path / "run", tilt=1, end_distance=3.6)
     first, last = run.frames[0]["wall_segments"], run.frames[-1]["wall_segments"]

@@ -283,7 +283,7 @@ TEST_CASE("faults in options files name the file and the line") {
         "-hopper_width -3 (a.yaml:3): must be greater than 0 (unit sigma_avg)");
   CHECK(from("a.yaml", "hopper:\n  widht: 3\n") ==
         "unknown option -hopper_widht (a.yaml:2); did you mean -hopper_width?");
-  for (const char* nothing : {"", " ~", " null", " Null", " NULL", " !!null ''", " # nothing"}) {
+  for (const char* nothing : {"", " ~", " null", " Null", " NULL", " !!null ''", " {}", " # nothing"}) {
     INFO(nothing);
     for (const auto& [name, type] : {std::pair{"n", "integer"},
                                      {"plot", "yes|no"},

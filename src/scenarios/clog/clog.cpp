@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 
 #include <pliant/analysis/arch.h>
 #include <pliant/analysis/graph.h>
+#include <pliant/base/console.h>
 #include <pliant/base/errors.h>
 #include <pliant/base/rng.h>
 #include <pliant/base/text.h>
@@ -72,6 +74,10 @@ class ClogProtocol final : public DropletProtocol {
         if (walls.distance(r, part, 0) <= 0) return "is in a wall or below the exit; move it";
       return {};
     });
+    const Real mean = std::accumulate(radii_.begin(), radii_.end(), 0.0) / static_cast<Real>(radii_.size());
+    if (mean < 0.5 || mean > 2)
+      warn("-start {}: the mean radius is {:.3g}, but lengths of a run are in mean radii; scale the file",
+           printable(p_.start.file()), mean);
   }
   RunGeometry geometry() const override {
     return {"wedge", drawn_walls(0), {{"w", 2 * p_.half_width()}, {"angle", p_.angle}}};

@@ -1,12 +1,20 @@
 #include <pliant/scenarios/raft/options.h>
 
+#include <fmt/format.h>
+
+#include <algorithm>
+
 #include <pliant/base/errors.h>
 
 namespace pliant {
+namespace {
+
+constexpr Real longest_interval = 10, way_between_samples = 1e-3;  // forces peak within 0.01 R before a fracture
+
+}  // namespace
 
 RaftOptions::RaftOptions() {
   radii.deviation = 1.25e-3;
-  sample_interval = 10;
   frame_interval = 1000;
 }
 
@@ -61,10 +69,20 @@ void RaftOptions::bind(Options& o) {
           .automatic = "compression: rest distance of -rows_end; extension: 2 more than at the start"});
 
   bind_integration(o, "0.1", "when -end_distance is reached");
-  bind_output(o);
+  bind_output(o, false);
+  o.bind("frame_interval", frame_interval,
+         {.help = "time between frames; less than a step: every step", .unit = "t0", .min = 0, .min_open = true});
+  o.bind("sample_interval", samples,
+         {.help = "time between samples of the series; less than a step: every step",
+          .unit = "t0",
+          .min = 0,
+          .min_open = true,
+          .automatic = fmt::format("{:g}, or the time in which the wall moves by {:g} R, if shorter", longest_interval,
+                                   way_between_samples)});
 }
 
 void RaftOptions::resolve() {
+  sample_interval = samples.value_or(std::min(longest_interval, way_between_samples / v_wall));
   const Index full = rows * columns, alternate = full - rows / 2;
   if (lattice == RaftLattice::hexagonal && droplets() != full && (droplets() != alternate || columns == 1))
     throw InputError("-n {}: a hexagonal raft of {} rows and {} columns has {} droplets{}; leave -n out or change them",

@@ -22,6 +22,7 @@ struct RaftOptions : DropletOptions {
   Real v_wall = 1e-4, tilt = 0;
   std::optional<Real> start_distance, end_distance;
   Index rows_end = 1;
+  std::optional<Real> samples;  ///< time between samples, as the user gave it
 
   void bind(Options& options);
   /// Errors: InputError for a number of droplets that the lattice cannot have.

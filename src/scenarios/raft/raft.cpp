@@ -126,7 +126,7 @@ class RaftProtocol final : public DropletProtocol {
 
   std::string end_at_last_time() const override {
     if (p_.t_end && *p_.t_end < time_of_end()) return "t_end";
-    return p_.end_distance ? "end_distance" : "rows_end";
+    return p_.end_distance || p_.motion == WallMotion::extension ? "end_distance" : "rows_end";
   }
 
   std::vector<Real> start() override {
