@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import leastsq
 
-from . import ensemble, symbols
+from . import ensemble, pooling, symbols
 from .errors import RunError
 from .fits import fitted
 
@@ -18,9 +18,6 @@ K_MIN = 0.0                # an orifice is not narrower than nothing
 K_UNBOUNDED = -10.0        # in widest orifices: where "k unbounded" ends in practice
 FEW_WIDTHS = 3             # as many as parameters: such a fit does not determine the exponent
 BETA_RANGE = (0.05, 5.0)   # wide enough for every exponent in 2D and 3D; beyond, k and beta run away together
-# Parameters that make another group when they differ, besides the model, mu and zeta.
-_PHYSICS = [*(name for name in symbols.parameters("hopper") if name not in ("mu", "zeta")), "n", "hopper_angle",
-           "hopper_angle_left", "hopper_wall_distance", "edge_width", "count", "reinsertion_gap"]
 _MARGIN = 1e-6             # k stays this fraction below the narrowest flowing orifice: the model is singular there
 
 
@@ -230,13 +227,14 @@ def fit_groups(table, by, beta=None, **options):
 
 
 def fit_table(table, beta=None):
-    """One row per group of runs of a sweep table that differ in the width and the seed alone, as of fit_groups, with data (its
-    rows) and label (the group's name in a legend). `table` must have model ("" if unknown), dim, mu and zeta (NaN if unknown)."""
-    table = table.copy()
-    for column in set(_PHYSICS) & set(table):
-        table[column] = table[column].where([symbols.reads(model, column) for model in table["model"]])
-    # Options that a model does not read do not distinguish its runs.
-    by = ["model", "dim", "mu", "zeta"] + [c for c in _PHYSICS if c in table and table[c].nunique() > 1]
+    """One row per group of runs of a sweep table that differ in the width, the seed and the options of `pooling` alone, as of
+    fit_groups, with data (its rows) and label (the group's name in a legend). A repeated run counts once. `table` must have model
+    ("" if unknown), dim, mu and zeta (NaN if unknown)."""
+    named = ["model", "dim", "mu", "zeta"]
+    table = pooling.once(table, "hopper")
+    differ = pooling.settings(table, "hopper", ("hopper_width", *named), among=table["Q"].notna())
+    table = table.assign(**differ)
+    by = [*named, *differ]
     fits = fit_groups(table, by, beta=beta)
     fits["data"] = [group for _, group in ensemble.groups(table, by)]
     groups = [row for _, row in fits.iterrows()]

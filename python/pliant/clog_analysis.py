@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import binomtest
 
+from . import pooling
 from .errors import RunError
 from .files import TABLE_ERRORS
 from .fits import fitted
@@ -21,30 +22,32 @@ from .sweep import load_runs, sweep_table
 
 COLUMNS = ("hopper_width", "g", "phi_c", "n", "status", "avalanche_size", "capillary_length")
 ENDED = ("clogged", "at_rest", "empty")
+#: Options of a point of `clog_points`; runs that differ in other ones belong to other series.
+POINT = ("n", "phi_c", "g", "hopper_width")
 CONFIDENCE = 0.95       # level of the binomial intervals
 AVALANCHE_LIMIT = 0.75  # larger mean avalanches, as a fraction of the droplets, are cut by their number [T Sec. 4.3]
 
 
 def load_clogs(paths):
-    """One table of runs that ended clogged, at rest or empty, from CSV files (pliant-sweep's results.csv) and run folders, and
-    the number of rows left out because they have not ended or have failed."""
+    """One table of runs that ended clogged, at rest or empty, each once, from CSV files (pliant-sweep's results.csv) and run
+    folders, and the number of rows left out because they have not ended or have failed."""
     tables = []
-    for path in map(Path, paths):
+    for path in map(Path, pooling.distinct_paths(paths)):
         try:
-            tables.append(pd.read_csv(path, comment="#") if path.is_file() else
+            tables.append(pd.read_csv(path, comment="#", float_precision="round_trip") if path.is_file() else
                           sweep_table([of_scenario(run, "clog") for run in load_runs([path])]))
         except TABLE_ERRORS as error:
             raise RunError(f"{path}: cannot be read as a table ({str(error).strip().splitlines()[0]})") from None
         if "status" not in tables[-1]:
             raise RunError(f"{path}: the table has no column 'status' (not one of pliant-sweep?)")
-    table = pd.concat(tables, ignore_index=True)
+    table = pooling.joined(tables)
     ended = table[table["status"].isin(ENDED)]
     if ended.empty:
         raise RunError(f"{paths[0]}: no run has ended clogged or empty yet")
     for column in COLUMNS:
         if column not in ended or ended[column].isna().any():
             raise RunError(f"{paths[0]}: column '{column}' is missing or incomplete (not runs of the scenario clog?)")
-    return ended.reset_index(drop=True), len(table) - len(ended)
+    return pooling.once(ended, "clog"), len(table) - len(ended)
 
 
 def binomial_interval(clogged, runs):
@@ -63,19 +66,19 @@ def uncut_mean(sizes, clogged):
 
 
 def clog_points(table):
-    """One row per point (n, phi_c, g, hopper_width): runs, clogged, P, P_low, P_high, delta, s, s_error, s_uncut,
-    s_uncut_error, sorted.
+    """One row per series and POINT: runs, clogged, P, P_low, P_high, delta, s, s_error, s_uncut, s_uncut_error, sorted; runs of
+    one series (its name: "" if there is one alone) differ in POINT and in the options of `pooling` alone.
 
     s is the mean of the avalanche size over all runs, those that ran empty included, with its standard error over the
     runs (NaN for one run); s_uncut is the mean of `uncut_mean`.
     """
     rows = []
-    for (n, phi_c, g, width), group in table.groupby(["n", "phi_c", "g", "hopper_width"]):
+    for (series, n, phi_c, g, width), group in table.assign(series=pooling.series(table, "clog", POINT)).groupby(["series", *POINT]):
         runs, clogged = len(group), int((group["status"] == "clogged").sum())
         low, high = binomial_interval(clogged, runs)
         s = group["avalanche_size"].to_numpy(float)
         uncut, uncut_error = uncut_mean(s, group["status"] == "clogged")
-        rows.append({"n": int(n), "phi_c": phi_c, "g": g, "hopper_width": width, "runs": runs, "clogged": clogged,
+        rows.append({"series": series, "n": int(n), "phi_c": phi_c, "g": g, "hopper_width": width, "runs": runs, "clogged": clogged,
                      "P": clogged / runs, "P_low": low, "P_high": high, "delta": group["capillary_length"].mean(),
                      "s": s.mean(), "s_error": s.std(ddof=1) / np.sqrt(runs) if runs > 1 else np.nan,
                      "s_uncut": uncut, "s_uncut_error": uncut_error})
@@ -150,15 +153,15 @@ def _step(x, k, n):
 
 
 def fit_sigmoids(points, along):
-    """One row per curve of points against `along` (g or hopper_width), the other one held: n, phi_c, the held column,
+    """One row per curve of points against `along` (g or hopper_width), the other one held: series, n, phi_c, the held column,
     delta (of the middle of the transition), x0 … alpha_error, note, fit, data. A curve that cannot be fitted has fit =
     None and the reason as its note; values of the held column with a single point have no curve."""
     held = {"g": "hopper_width", "hopper_width": "g"}[along]
     rows = []
-    for (n, phi_c, value), data in points.groupby(["n", "phi_c", held]):
+    for (series, n, phi_c, value), data in points.groupby(["series", "n", "phi_c", held]):
         if len(data) < 2:
             continue
-        rows.append({"n": n, "phi_c": phi_c, held: value, "delta": data["delta"].mean(), "data": data}
+        rows.append({"series": series, "n": n, "phi_c": phi_c, held: value, "delta": data["delta"].mean(), "data": data}
                     | fitted(fit_sigmoid, data[along], data["clogged"], data["runs"]))
     return pd.DataFrame(rows)
 

@@ -13,12 +13,13 @@ MIDDLES = {"g": "$g_0$", "hopper_width": "$w^*/d$"}
 
 
 def draw_curves(axes, fits, along):
-    """One curve per row of `fits`: points with binomial intervals, and the sigmoid. Curves are named by the parameter that differs, phi_c or N."""
+    """One curve per row of `fits`: points with binomial intervals, and the sigmoid. Curves are named by the parameters that differ,
+    phi_c or N, and by their series."""
     differ = [column for column in ("phi_c", "n") if fits[column].nunique() > 1] or ["phi_c"]
     for i, row in enumerate(fits.itertuples()):
         x, P, low, high = (row.data[c].to_numpy(float) for c in (along, "P", "P_low", "P_high"))
         plotting.errorbar(axes, x, P, [P - low, high - P], **plotting.points(i),
-                          label=", ".join(f"{SYMBOLS[column]} = {getattr(row, column):g}" for column in differ))
+                          label=", ".join([*(f"{SYMBOLS[column]} = {getattr(row, column):g}" for column in differ), *filter(None, [row.series])]))
         if row.fit is not None:
             grid = np.linspace(x.min(), x.max(), 400)
             axes.plot(grid, row.fit(grid), color=plotting.color(i), lw=1.3)
@@ -27,18 +28,22 @@ def draw_curves(axes, fits, along):
 
 
 def draw_middles(axes, fits, x, along):
-    """Where P_clog is one half, along `along`, against the column x."""
-    known = fits[fits["fit"].notna()]
-    if len(known):
-        plotting.errorbar(axes, known[x], known["x0"], known["x0_error"], fmt="o", capsize=2.5, color=plotting.COLORS[0],
-                          zorder=3)
+    """Where P_clog is one half, along `along`, against the column x, of each series."""
+    for i, (series, known) in enumerate(fits[fits["fit"].notna()].groupby("series")):
+        plotting.errorbar(axes, known[x], known["x0"], known["x0_error"], fmt="o", capsize=2.5, color=plotting.color(i), zorder=3,
+                          label=series or None)
+        if series:
+            axes.legend()
     axes.set(xlabel=SYMBOLS[x], ylabel=MIDDLES[along])
     axes.ticklabel_format(axis="x", scilimits=(-3, 3), useMathText=True)
 
 
 def draw_regimes(axes, fits):
-    """w*/d against delta with its two regimes [T 4.12, 4.13], which are returned. Raises RunError for too few fits."""
+    """w*/d against delta with its two regimes [T 4.12, 4.13], which are returned. Raises RunError for too few fits, and for several
+    series."""
     draw_middles(axes, fits, "delta", "hopper_width")
+    if fits["series"].nunique() > 1:
+        raise RunError("runs of several series have no common regimes of w*/d: draw each series alone")
     known = fits[fits["fit"].notna()]
     if known.empty:
         raise RunError("no curve of P_clog passes one half: wider and narrower exits are needed")

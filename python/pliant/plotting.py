@@ -18,6 +18,7 @@ from matplotlib.ticker import MaxNLocator
 from PIL import Image
 
 from .errors import OutputError, RunError
+from .pooling import OUTPUT
 from .scene import view, visible, wall_lines  # noqa: F401  (figures take them from here)
 from .symbols import SYMBOLS, differing, group_label, model_name, parameter_label
 
@@ -390,9 +391,6 @@ def run_labels(runs):
     return labels if len(set(labels)) == len(runs) and len(differ) <= 4 else name_labels(runs)
 
 
-_OUTPUT = ("frame_interval", "sample_interval", "checkpoint_interval", "max_wall_time", "threads")
-
-
 def _part_label(part):
     """A part 'name=value' of a folder's name in symbols; other parts as they are."""
     name, equals, value = part.partition("=")
@@ -402,7 +400,7 @@ def _part_label(part):
 def name_labels(runs):
     """The folders' names, without the parts between commas that are the same in all (pliant-sweep names its runs by
     their options) or are of output alone, in symbols; with the folders above them where the names are the same."""
-    parts = [[p for p in r.name.split(",") if p.split("=")[0] not in _OUTPUT] for r in runs]
+    parts = [[p for p in r.name.split(",") if p.split("=")[0] not in OUTPUT] for r in runs]
     common = set.intersection(*map(set, parts))
     names = [", ".join(_part_label(p) for p in name if p not in common) or ",".join(name) or "default" for name in parts]
     if len(set(names)) == len(runs):

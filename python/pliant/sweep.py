@@ -58,15 +58,22 @@ def sweep_table(runs):
     like the fraction of a packing, is in the column X_result. `runs` are Run objects or paths, or one of these."""
     if isinstance(runs, (str, os.PathLike, Run)):
         runs = [runs]
-    rows = []
+    rows, options = [], set()
+
+    def add(run):
+        rows.append(_row(run))
+        options.update(run.parameters)
+
     for one in list(runs):
         if isinstance(one, Run):
-            rows.append(_row(one))
+            add(one)
             continue
         for run in load_runs([one]):
             with run:
-                rows.append(_row(run))
-    return pd.DataFrame(rows)
+                add(run)
+    table = pd.DataFrame(rows)
+    table.attrs["options"] = sorted(options.intersection(table))  # the other columns are results
+    return table
 
 
 def _note_units(run, units):
@@ -110,7 +117,7 @@ def load_table(path):
     """A sweep table from a CSV file with at least the columns hopper_width (or w) and Q; Q_error may be missing."""
     try:
         with open(path, "rb", opener=open_regular) as file:
-            table = pd.read_csv(file).rename(columns={"w": "hopper_width"})
+            table = pd.read_csv(file, float_precision="round_trip").rename(columns={"w": "hopper_width"})
     except (OSError, ValueError) as error:  # pandas' parser errors are ValueErrors
         raise RunError(f"{path}: cannot be read as a table ({str(error).strip().splitlines()[0]})") from None
     for column in ("hopper_width", "Q"):

@@ -28,9 +28,14 @@ def parameters(scenario):
     return [name for name, entry in _OPTIONS[scenario].items() if "models" in entry]
 
 
+def options(scenario):
+    """{option: default} of a scenario; None for automatic options."""
+    return {name: entry["default"] for name, entry in _OPTIONS[scenario].items()}
+
+
 def defaults(scenario):
     """{parameter: default} of the models that a scenario offers; None for automatic parameters."""
-    return {name: _OPTIONS[scenario][name]["default"] for name in parameters(scenario)}
+    return {name: default for name, default in options(scenario).items() if name in parameters(scenario)}
 
 
 #: option → models that read it; files of other models have its default value
@@ -60,7 +65,8 @@ def models_that_read(name):
 
 def parameter_label(name, value):
     """'$w/σ = 5$' for a parameter's value."""
-    number = f"{value:.4g}" if isinstance(value, (int, float, np.number)) else str(value)
+    truth = isinstance(value, (bool, np.bool_))
+    number = str(value).lower() if truth else f"{value:.4g}" if isinstance(value, (int, float, np.number)) else str(value)
     symbol = SYMBOLS.get(name) or _NUMERICS.get(name)
     return f"${symbol} = {number}$" if symbol else f"{name} = {number}"
 

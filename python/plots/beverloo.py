@@ -9,21 +9,21 @@ sys.path[0] = str(Path(__file__).resolve().parents[1])
 import pliant  # first, because it reports missing packages
 
 import matplotlib.pyplot as plt
-import pandas as pd
 
 from pliant import RunError, load_runs, load_table, sweep_table
-from pliant import beverloo, plotting, script, symbols
+from pliant import beverloo, plotting, pooling, script, symbols
 from pliant.beverloo_figures import draw_flow
 from pliant.scenarios import of_scenario
 
 def read(paths):
     """One table of all CSV files and run folders. A CSV file without dim is in 2D; without model, mu or zeta these are unknown."""
+    paths = pooling.distinct_paths(paths)
     tables = [load_table(p) for p in paths if Path(p).is_file()]
     folders = [p for p in paths if not Path(p).is_file()]
     if folders:
         runs = sweep_table([of_scenario(run, "hopper") for run in load_runs(folders)])
         tables.append(runs.assign(**{name: runs[name].fillna(0.0) if name in runs else 0.0 for name in ("mu", "zeta")}))
-    table = pd.concat(tables, ignore_index=True)
+    table = pooling.joined(tables)
     for column, value in (("model", ""), ("dim", 2), ("mu", float("nan")), ("zeta", float("nan"))):
         table[column] = table[column].fillna(value) if column in table else value
     if not table["Q"].notna().any():

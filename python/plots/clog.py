@@ -11,16 +11,21 @@ import pliant  # first, because it reports missing packages
 import matplotlib.pyplot as plt
 
 from pliant import RunError
-from pliant import clog_analysis as clog, plotting, script
+from pliant import clog_analysis as clog, plotting, script, symbols
 from pliant.clog_figures import draw_curves, draw_middles, draw_regimes
+
+
+def _series(row):
+    """The cell with the name of the series, if there are several."""
+    return [symbols.plain(row.series)] * bool(row.series)
 
 
 def print_fits(fits, along):
     name = {"g": "g_0", "hopper_width": "w*/d"}[along]
-    rows = [(f"{row.n:g}", f"{row.phi_c:g}", f"{row.delta:.3f}", len(row.data), row.data["runs"].sum(),
+    rows = [(*_series(row), f"{row.n:g}", f"{row.phi_c:g}", f"{row.delta:.3f}", len(row.data), row.data["runs"].sum(),
              *((script.with_error(row.x0, row.x0_error), script.with_error(row.alpha, row.alpha_error))
                if row.fit is not None else ("–", "–")), row.note) for row in fits.itertuples()]
-    print(script.markdown(["N", "phi_c", "delta", "points", "runs", name, "alpha", "note"], rows), end="\n\n")
+    print(script.markdown([*["series"] * any(fits["series"]), "N", "phi_c", "delta", "points", "runs", name, "alpha", "note"], rows), end="\n\n")
 
 
 def main():
@@ -34,8 +39,8 @@ def main():
     if left_out:
         print(f"{left_out} rows left out: not ended, or failed\n")
     print(script.markdown(
-        ["N", "phi_c", "g", "w/d", "delta", "runs", "clogged", "P_clog", f"{100 * clog.CONFIDENCE:g} % interval", "s"],
-        [(f"{p.n}", f"{p.phi_c:g}", f"{p.g:g}", f"{p.hopper_width:g}", f"{p.delta:.3f}", p.runs, p.clogged, f"{p.P:.2f}",
+        [*["series"] * any(points["series"]), "N", "phi_c", "g", "w/d", "delta", "runs", "clogged", "P_clog", f"{100 * clog.CONFIDENCE:g} % interval", "s"],
+        [(*_series(p), f"{p.n}", f"{p.phi_c:g}", f"{p.g:g}", f"{p.hopper_width:g}", f"{p.delta:.3f}", p.runs, p.clogged, f"{p.P:.2f}",
           f"{p.P_low:.2f} … {p.P_high:.2f}", script.with_error(p.s, p.s_error)) for p in points.itertuples()]), end="\n\n")
     curves = {along: fits for along in ("g", "hopper_width") if len(fits := clog.fit_sigmoids(points, along))}
     if not curves:

@@ -10,7 +10,7 @@ import pliant  # first, because it reports missing packages
 
 import matplotlib.pyplot as plt
 
-from pliant import clog_analysis as clog, plotting, script
+from pliant import clog_analysis as clog, plotting, pooling, script
 from pliant.clog_figures import draw_avalanches, draw_probabilities
 
 
@@ -23,6 +23,7 @@ def main():
     arguments = script.arguments(parser)
 
     table, _ = clog.load_clogs(arguments.table)
+    pooling.check(table, "clog", clog.POINT)
     points = clog.clog_points(table)
     delta_crit = clog.fitted_delta_crit(points) if arguments.delta_crit is None else arguments.delta_crit
     print(f"delta* = max(delta, {delta_crit:.3f})")

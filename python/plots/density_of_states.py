@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from pliant import Ensemble, Run, RunError
-from pliant import plotting, script
+from pliant import plotting, pooling, script
 from pliant.scenarios import of_scenario
 
 ZERO = 1e-6  # part of the highest frequency, below which a mode counts as a zero mode
@@ -47,7 +47,10 @@ def main():
     arguments = script.arguments(parser)
     if arguments.bins < 1:
         raise RunError(f"--bins {arguments.bins}: give 1 or more")
-    found = [last_modes(run) for path in arguments.run for run in runs_of(path)]
+    runs = [run for path in arguments.run for run in runs_of(path)]
+    runs, table = pooling.distinct_runs(runs, "pack", "shear")
+    pooling.check(table, runs[0].scenario)
+    found = [last_modes(run) for run in runs]
     highest = max(omega.max() for omega, _ in found)
     edges = np.linspace(0, highest, arguments.bins + 1)
     middle, width = (edges[1:] + edges[:-1]) / 2, edges[1] - edges[0]

@@ -235,3 +235,33 @@ def test_curves_are_named_by_what_differs():
     assert labels(small) == [r"$\phi_c$ = 0.0001"]
     assert labels(pd.concat([small, made_table(seeds=20, phi=(2e-4,))])) == [r"$\phi_c$ = 0.0001, $N$ = 95",
                                                                             r"$\phi_c$ = 0.0002, $N$ = 190"]
+
+
+def two_angles():
+    """Clogs of two hoppers, whose transitions are at 4.4 and 8.8 diameters."""
+    steep = made_table(seeds=40, phi=(1e-4,))
+    table = pd.concat([steep.assign(hopper_angle=25), steep.assign(hopper_angle=60, hopper_width=2 * steep["hopper_width"])])
+    return table.assign(scenario="clog", seed=range(len(table))).reset_index(drop=True)
+
+
+def test_other_options_are_other_series():
+    table = two_angles()
+    points = clog.clog_points(table)
+    assert set(points["series"]) == {r"$\theta_w = 25$", r"$\theta_w = 60$"} and (points["runs"] == 40).all()
+    apart = clog.fit_sigmoids(points, "hopper_width")
+    alone = [clog.fit_sigmoids(clog.clog_points(own), "hopper_width").iloc[0] for _, own in table.groupby("hopper_angle")]
+    assert_allclose(apart["x0"], [fit["x0"] for fit in alone])
+    assert alone[0]["series"] == ""
+    figure, axes = plt.subplots()
+    draw_curves(axes, apart, "hopper_width")
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == [
+        rf"$\phi_c$ = 0.0001, $\theta_w = {angle}$" for angle in (25, 60)]
+    plt.close(figure)
+
+
+def test_a_run_in_two_tables_counts_once(tmp_path):
+    table = two_angles()
+    table.to_csv(tmp_path / "a.csv", index=False)
+    table[:50].to_csv(tmp_path / "b.csv", index=False)
+    read, _ = clog.load_clogs([tmp_path / "a.csv", tmp_path / "b.csv", tmp_path / "a.csv"])
+    assert len(read) == len(table)

@@ -18,7 +18,7 @@ import pandas as pd
 import PIL.Image
 import pytest
 from synthetic import write_run
-from test_clog import made_table
+from test_clog import made_table, two_angles
 
 from pliant import Run, RunError, plotting, symbols
 
@@ -394,6 +394,17 @@ def test_clog_collapse(clogs, call, tmp_path):
     assert float(re.search(r"max\(delta, ([0-9.]+)\)", text)[1]) == pytest.approx(0.8, abs=0.03)
     text = call("clog_collapse.py", clogs, "--delta-crit", 0.5, "-o", tmp_path / "a.png")
     assert "max(delta, 0.500)" in text
+
+
+def test_clogs_of_two_hoppers(call, capsys, tmp_path):
+    two_angles().to_csv(tmp_path / "two.csv", index=False)
+    text = call("clog.py", tmp_path / "two.csv", "-o", tmp_path / "a.png")
+    assert_picture(tmp_path / "a.png")
+    middles = {int(found[1]): float(found[2]) for found in re.finditer(r"theta_w = (\d+) .*?\| ([0-9.]+) ± ", text)}
+    assert middles[60] == pytest.approx(2 * middles[25], rel=0.01) and "draw each series alone" in text
+    with pytest.raises(SystemExit):
+        call("clog_collapse.py", tmp_path / "two.csv", "-o", tmp_path / "b.png")
+    assert "differ in -hopper_angle (25 and 60)" in capsys.readouterr().err
 
 
 def test_clog_snapshot(tmp_path, call):

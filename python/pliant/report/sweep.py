@@ -9,7 +9,7 @@ from urllib.parse import quote
 import numpy as np
 import pandas as pd
 
-from .. import symbols
+from .. import pooling, symbols
 from ..errors import RunError
 from ..files import read_json, write_atomically
 from ..follow import in_use
@@ -175,6 +175,11 @@ def _beverloo(rows):
              "lines": lines, "note": " ".join(notes), "zero": True}]
 
 
+def _name(curve):
+    """Name of a curve of clogs, a row of points or fits."""
+    return ", ".join([f"N = {curve.n:g}", f"φ_c = {curve.phi_c:g}", *filter(None, [symbols.plain(curve.series)])])
+
+
 def _sigmoids(rows):
     table = _of(rows, "clog")
     if table.empty:
@@ -182,23 +187,23 @@ def _sigmoids(rows):
     from .. import clog_analysis  # imports lmfit
     if not set(clog_analysis.COLUMNS) <= set(table):
         return []
-    table = table[table["status"].isin(clog_analysis.ENDED)]
+    table = pooling.once(table[table["status"].isin(clog_analysis.ENDED)], "clog")
     points, charts = clog_analysis.clog_points(table), []
     for along, label, unit in (("g", "gravity g", ""), ("hopper_width", "orifice width w/d", "")):
         if points[along].nunique() < 2:
             continue
         lines, notes = [], []
-        for i, (_, group) in enumerate(points.groupby(["n", "phi_c", "hopper_width" if along == "g" else "g"])):
-            name = f"N = {group['n'].iloc[0]:g}, φ_c = {group['phi_c'].iloc[0]:g}"
+        for i, (_, group) in enumerate(points.groupby(["series", "n", "phi_c", "hopper_width" if along == "g" else "g"])):
+            name = _name(group.iloc[0])
             half = (group["P_high"] - group["P_low"]) / 2
             lines.append(line(group[along], group["P"], thin=False, kind="points", error=half, label=name, colour=i))
         for i, fit in enumerate(clog_analysis.fit_sigmoids(points, along).itertuples()):
             if fit.fit is None:
-                notes.append(f"N = {fit.n:g}, φ_c = {fit.phi_c:g}: {fit.note}.")
+                notes.append(f"{_name(fit)}: {fit.note}.")
                 continue
             x = np.linspace(points[along].min(), points[along].max(), 100)
             lines.append(line(x, fit.fit(x), thin=False, colour=i))
-            notes.append(f"N = {fit.n:g}, φ_c = {fit.phi_c:g}: one half at {with_error(fit.x0, fit.x0_error)}.")
+            notes.append(f"{_name(fit)}: one half at {with_error(fit.x0, fit.x0_error)}.")
         charts.append({"title": "probability of a clog", "unit": "", "x": {"label": label, "unit": unit}, "lines": lines, "note": " ".join(notes), "zero": True})
     return charts
 

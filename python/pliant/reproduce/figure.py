@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from .. import pooling
 from ..errors import RunError
 from ..files import write_atomically
 from .published import Published
@@ -17,7 +18,7 @@ _FOLDERS = Path(__file__).resolve().parents
 VALIDATION = next(filter(Path.is_dir, (folder / "share/pliant/validation" for folder in _FOLDERS)), _FOLDERS[3] / "validation")
 LEVELS = ("quick", "full", "as-run")
 #: Options in which runs of one point may differ.
-FREE = ("seed", "t_end", "strain", "frame_interval", "sample_interval", "checkpoint_interval", "max_wall_time", "threads", "pushes")
+FREE = ("seed", "strain", *pooling.LENGTH, *pooling.OUTPUT)
 #: Two values agree if they differ by at most this many joint standard errors.
 AGREE = 2.0
 
