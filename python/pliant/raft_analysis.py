@@ -239,11 +239,19 @@ def polydispersity(phi, small, delta):
     return np.sqrt((1 - phi + phi * small**2) * (1 + delta**2) - mean**2) / mean
 
 
+def extends(run):
+    """Whether the walls of a raft move apart, so that its rows are not reduced."""
+    return run.parameters.get("motion") == "extension"
+
+
 def fractures(runs):
-    """One row per run: n, rows, phi, tilt, delta (of both kinds together), inverse_size (N^(-1/2)), aspect (q/p), peaks,
+    """One row per run of compression (RunError for others): n, rows, phi, tilt, delta (of both kinds together), inverse_size (N^(-1/2)), aspect (q/p), peaks,
     excess (peaks beyond rows - 1), reductions (their number), competing, overlapping, unmatched (fractions of them)."""
     rows = []
     for run in runs:
+        if extends(run):
+            raise RunError(f"{run.path}: the walls move apart (-motion extension), so that no reduction of rows has fractures to "
+                           "analyse; leave this run out")
         curve, o = Compression.of(run), run.parameters
         reductions = curve.reductions()
         rows.append({"n": curve.n, "rows": curve.rows, "phi": o["small_fraction"], "tilt": o["tilt"],

@@ -12,6 +12,8 @@ FRACTURES = {
     "aspect": ("aspect", "$q/p$", None, "fraction of the reductions"),
     "tilt": ("tilt", "tilt  [degrees]", None, "fraction of the reductions"),
 }
+#: Options that the columns of raft.fractures distinguish.
+VARIABLES = ("rows", "columns", "n", "small_fraction", "small_radius", "delta", "tilt")
 
 
 def draw_stiffness(axes, reductions, k1):
@@ -44,22 +46,23 @@ def draw_peaks(axes, reductions):
 
 def fracture_points(data, kind, judgement="competing"):
     """(points, settings, y) of raft.fractures: points, as of ensemble.scatter, has the means of the column y over runs that
-    differ in nothing but the seed, that is, not in the columns `settings`. `judgement`: one of raft.JUDGEMENTS, where the
-    figure is of competing fractures."""
+    differ in nothing but the seed, that is, not in the columns `settings`. Rows of `data` may have the name of their series.
+    `judgement`: one of raft.JUDGEMENTS, where the figure is of competing fractures."""
     x, _, y, _ = FRACTURES[kind]
-    settings = list(dict.fromkeys([x, "n", "rows", "phi", "delta", "tilt"]))
+    several = "series" in data and bool(data["series"].any())
+    settings = list(dict.fromkeys([*["series"] * several, x, "n", "rows", "phi", "delta", "tilt"]))
     points = ensemble.scatter(data, settings, y) if y else ensemble.scatter(data, settings, judgement, "reductions")
     return points, settings, y or judgement
 
 
 def draw_fractures(axes, points, kind, y):
-    """Points of fracture_points, by N where it is not on the axis; for excess peaks the fitted law [T 2.39]. Returns
-    [(group, height of the law, its error)]."""
+    """Points of fracture_points, by series, and by N where it is not on the axis; for excess peaks the fitted law [T 2.39].
+    Returns [(group, height of the law, its error)]."""
     x, x_label, _, y_label = FRACTURES[kind]
-    by_size = kind in ("phi", "delta", "tilt")
+    by = [*["n"] * (kind in ("phi", "delta", "tilt")), *["series"] * ("series" in points)]
     heights = []
-    for i, (label, group) in enumerate(points.groupby("n") if by_size else [(None, points)]):
-        name = f"$N = {label}$" if by_size else None
+    for i, (key, group) in enumerate(ensemble.groups(points, by) if by else [((), points)]):
+        name = ", ".join(f"$N = {value}$" if column == "n" else value for column, value in zip(by, key)) or None
         plotting.errorbar(axes, group[x], group[y], group[y + "_error"], ls="", capsize=2, label=name, **plotting.symbol(i))
         if kind == "phi" and (group[y] * group[x] * (1 - group[x])).sum() > 0:
             peak, error = raft.fit_excess(group[x], group[y])
@@ -68,6 +71,6 @@ def draw_fractures(axes, points, kind, y):
             heights.append((name, peak, error))
     axes.set(xlabel=x_label, ylabel=y_label)
     axes.set_ylim(bottom=min(0, axes.get_ylim()[0]))
-    if by_size:
+    if by:
         axes.legend()
     return heights

@@ -29,15 +29,18 @@ def main():
             at = curve.peaks(sign)
             axes.plot(curve.distance[at], curve.force[at], marker, color=color, ms=4 + 2 * i, mfc="none" if i else color)
         table = curve.reductions()
-        k1, error = raft.fit_k1(table) if len(table) else (float("nan"), float("nan"))
+        found = (f"{run.path}: slope at F = 0 {script.with_error(*curve.stiffness_at_zero())}, "
+                 f"{len(curve.peaks())} peaks, {len(curve.peaks(-1))} negative ones")
+        if not len(table):
+            print(f"{found}; no reduction of rows, because " + ("the walls move apart" if raft.extends(run) else "none is complete"))
+            continue
+        k1, error = raft.fit_k1(table)
         for row in table.itertuples():
             rise = curve.rise(row.sample)
             x = curve.distance[[rise.start, rise.stop - 1]]
             axes.plot(x, curve.force[rise.start] + row.k_eq * (x[0] - x), color="black", lw=1.6)
         fractions = [(name, *raft.competing_fraction(table, name)) for name in raft.JUDGEMENTS]
-        print(f"{run.path}: slope at F = 0 {script.with_error(*curve.stiffness_at_zero())}, "
-              f"{len(curve.peaks())} peaks, {len(curve.peaks(-1))} negative ones, "
-              f"k1 = {script.with_error(k1, error)} from k_eq, "
+        print(f"{found}, k1 = {script.with_error(k1, error)} from k_eq, "
               + ", ".join(f"{name} {fraction:.2f} of {count}" for name, fraction, count in fractions if count))
         print(script.markdown(
             ["rows", "q/(p+1)", "k_eq", "F_max", "F_min", "distance", "peaks", "missing bonds", *raft.JUDGEMENTS],

@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 """Fractures of many rafts: excess peaks against phi, peaks against delta, competing fractures against N, q/p and tilt.
 
-Runs that differ in nothing but the seed are averaged; bars are standard errors.
+Runs that differ in nothing but the seed are averaged; bars are standard errors. Runs that differ in other options are
+separate series.
 """
 
 import sys
@@ -13,7 +14,7 @@ import pliant  # first, because it reports missing packages
 
 import matplotlib.pyplot as plt
 
-from pliant import load_runs, plotting, raft_analysis as raft, raft_figures, script
+from pliant import load_runs, plotting, pooling, raft_analysis as raft, raft_figures, script, symbols
 
 
 def main():
@@ -24,14 +25,15 @@ def main():
                         help="rule for competing fractures: the raft has holes (default), fractures overlap, or overlapping "
                              "fractures never meet")
     arguments = script.arguments(parser)
-    data = raft.fractures(load_runs(arguments.run))
+    runs, table = pooling.distinct_runs(load_runs(arguments.run), "raft")
+    data = raft.fractures(runs).assign(series=pooling.series(table, "raft", raft_figures.VARIABLES))
     points, settings, y = raft_figures.fracture_points(data, arguments.figure, arguments.judgement)
 
     figure, axes = plt.subplots(figsize=(5.6, 4.0), layout="constrained")
     for name, peak, error in raft_figures.draw_fractures(axes, points, arguments.figure, y):
         print(f"{name}: peak of the excess {script.with_error(peak, error)}")
     print(script.markdown([*settings, y, "error", "runs"],
-                          [[f"{r[c]:.4g}" for c in settings] + [f"{r[y]:.4g}", f"{r[y + '_error']:.2g}", int(r["runs"])]
+                          [[symbols.plain(r[c]) if c == "series" else f"{r[c]:.4g}" for c in settings] + [f"{r[y]:.4g}", f"{r[y + '_error']:.2g}", int(r["runs"])]
                            for _, r in points.iterrows()]))
     plotting.save(figure, arguments.output)
 

@@ -11,14 +11,16 @@ import pliant  # first, because it reports missing packages
 import matplotlib.pyplot as plt
 import pandas as pd
 
-from pliant import RunError, load_runs, plotting, raft_analysis as raft, raft_figures, script
+from pliant import RunError, load_runs, plotting, pooling, raft_analysis as raft, raft_figures, script
 
 
 def main():
     parser = script.parser(__doc__, "raft_scaling.py runs/raft-* -o scaling.png", "raft_scaling.png")
     parser.add_argument("run", nargs="+", help="run folders, or folders of runs")
     arguments = script.arguments(parser)
-    curves = [raft.Compression.of(run) for run in load_runs(arguments.run)]
+    runs, table = pooling.distinct_runs(load_runs(arguments.run), "raft")
+    curves = [raft.Compression.of(run) for run in runs]
+    pooling.check(table, "raft", ("rows", "columns", "n", "rows_end", "start_distance", "end_distance"))
     tables = [c.reductions().assign(n=c.n, k1=c.k1, E1=c.E1) for c in curves]
     all_of_them = pd.concat([t for t in tables if len(t)], ignore_index=True) if any(map(len, tables)) else None
     if all_of_them is None:

@@ -227,3 +227,34 @@ def test_lattice_of_linear_springs():
     assert raft.lattice_k1(1, 5, 4.7, 9.5) == pytest.approx(9.5)  # each droplet has two walls in series: q wall/2
     assert raft.lattice_k1(7, 7, 4.68692, 9.5413) == pytest.approx(6.33, abs=0.001)
     assert raft.lattice_k1(2, 24, 4.68692, 9.5413) == pytest.approx(8.165, abs=0.001)
+
+
+def of_two_attractions(folder):
+    return [write_raft(folder / f"{name}{seed}", seed, phi_c=phi_c) for name, phi_c in (("a", 1e-4), ("b", 3e-4)) for seed in (1, 2)]
+
+
+def test_scaling_is_of_one_system(call, capsys, tmp_path):  # noqa: F811
+    runs = of_two_attractions(tmp_path)
+    with pytest.raises(SystemExit) as stop:
+        call("raft_scaling.py", *runs, "-o", tmp_path / "a.png")
+    assert stop.value.code == 2 and "differ in -phi_c (0.0001 and 0.0003)" in capsys.readouterr().err
+    text = call("raft_scaling.py", *runs[:2], runs[0], "-o", tmp_path / "a.png")
+    assert "from 6 reductions of 2 runs" in text and "1 of 3 runs have the options" in text
+
+
+def test_fractures_of_other_options_are_other_series(call, tmp_path):  # noqa: F811
+    runs = of_two_attractions(tmp_path)
+    text = call("raft_fractures.py", "phi", *runs, runs[0], "-o", tmp_path / "a.png")
+    assert [line.split("|")[1].strip() for line in text.splitlines() if line.endswith("| 2    |")] == ["phi_c = 0.0001", "phi_c = 0.0003"]
+    assert "series" not in call("raft_fractures.py", "size", *runs[:2], "-o", tmp_path / "a.png")
+
+
+def test_extension_has_no_reductions(call, capsys, tmp_path):  # noqa: F811
+    run = write_raft(tmp_path / "run", motion="extension")
+    with h5py.File(run / "run.h5", "r+") as file:
+        file["series/wall_distance"][...] = file["series/wall_distance"][()][::-1]
+        file["series/wall_distance"][...] += 10
+    assert "no reduction of rows, because the walls move apart" in call("raft.py", run, "-o", tmp_path / "a.png")
+    with pytest.raises(SystemExit) as stop:
+        call("raft_fractures.py", "size", run, "-o", tmp_path / "a.png")
+    assert stop.value.code == 2 and "the walls move apart (-motion extension)" in capsys.readouterr().err
