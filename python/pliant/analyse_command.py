@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from . import channel_analysis as channel, tracks
+from . import channel_analysis as channel, pooling, tracks
 from .errors import RunError
 from .files import finite, read_json, write_json
 from .run import Run
 from .script import check_output, markdown, with_error
+from .sweep import load_runs
 
 _DESCRIPTION = """Non-affine motion of disks that are pushed through a channel: mean displacement field, non-affine
 displacement, D2_min, strain clock and rotation. Reads run folders and CSV tables with the columns frame, particle, x,
@@ -141,6 +142,18 @@ def _table_options(given):
                                                     "frames_per_push", "angle_unit", "angle_period")}
 
 
+def _check_pooled(paths):
+    """Raises RunError for runs that cannot have one mean field: equal ones, or runs that differ in more than their disks."""
+    folders = [path for path in paths if path.is_dir()]
+    if len(pooling.distinct_paths(paths)) < len(paths):
+        raise RunError("--field pooled: a run or table is given several times; give each once")
+    if folders:
+        runs, table = pooling.distinct_runs(load_runs(folders), "channel")
+        if len(runs) < len(folders):
+            raise RunError("--field pooled: several runs have equal options and seeds; give one of them")
+        pooling.check(table, "channel", pooling.DISKS)
+
+
 def _print_summary(path, result):
     rows = [(name, unit, *(with_error(result[name][region]["value"], result[name][region]["error"])
                            for region in channel.REGIONS))
@@ -164,6 +177,8 @@ def main(arguments=None):
     chosen = {f.name: getattr(given, f.name) for f in fields(channel.Choices)}
     chosen = {name: tuple(value) if isinstance(value, list) else value for name, value in chosen.items()}
     choices, options = channel.Choices(**chosen), _table_options(given)
+    if choices.field == "pooled":
+        _check_pooled(given.path)
     runs = [tracks.load(path, **options) for path in given.path]
     results = channel.analyse(runs, choices)
     for path, output, result in zip(given.path, outputs, results):

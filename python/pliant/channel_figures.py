@@ -1,14 +1,15 @@
 """Code shared by the figures of the channel analysis: results by name, labels, maps of cells."""
 
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
 
 import numpy as np
 
-from . import plotting
+from . import plotting, pooling
 from .analyse_command import load_result
 from .channel_analysis import Choices
 from .errors import RunError
+from .sweep import load_runs
 
 R = r"\langle R\rangle"
 LABELS = {"displacement": rf"$|\Delta r|/{R}$", "dr_na": rf"$\Delta r_{{NA}}/{R}$",
@@ -109,6 +110,25 @@ def draw_square(axes, result):
 def entries(rows, name, region):
     """(values, errors) of a quantity in rows of a result."""
     return tuple(np.array([row[name][region][part] for row in rows], float) for part in ("value", "error"))
+
+
+def distinct(paths):
+    """The paths of runs, tables and analyses that one figure averages, each run once. Raises RunError for runs that differ in more
+    than the sizes of their disks, and for analyses with different choices."""
+    paths = pooling.distinct_paths(paths)
+    folders = [path for path in paths if (Path(path) / "run.h5").exists()]
+    if folders:
+        runs, table = pooling.distinct_runs(load_runs(folders), "channel")
+        pooling.check(table, "channel", pooling.DISKS)
+        kept = {run.path for run in runs}
+        paths = [path for path in paths if path not in folders or Path(path) in kept]
+    analyses = [(path, choices_of(load_result(path))) for path in paths]
+    for path, choices in analyses[1:]:
+        first, own = asdict(analyses[0][1]), asdict(choices)
+        if name := next((name for name in own if own[name] != first[name]), None):
+            raise RunError(f"{analyses[0][0]} and {path}: their analyses differ in --{name.replace('_', '-')} ({first[name]} and "
+                           f"{own[name]}); repeat one of them by pliant-analyse channel")
+    return paths
 
 
 def by_polydispersity(named, pick):

@@ -23,7 +23,7 @@ def main():
                         help="of the non-affine motion; rotation is measured in the central square")
     parser.add_argument("--clock", action="store_true", help="displacements over intervals of the strain clock")
     arguments = script.arguments(parser)
-    named = figures.results(arguments.path)
+    named = figures.results(figures.distinct(arguments.path))
 
     figure, panels = plt.subplots(1, 3, figsize=(plotting.PAGE, 3.4), layout="constrained")
     for axes, quantity in zip(panels, ("dr_na", figures.d2(arguments), "rotation")):

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from synthetic_channel import channel_tracks, tracks_table, write_channel_run
 from test_plots import DPI, assert_picture, call, drawn  # noqa: F401  (fixtures)
 
-from pliant import analyse_command, channel_analysis as channel, tracks
+from pliant import RunError, analyse_command, channel_analysis as channel, tracks
 from pliant import channel_figures as figures
 
 ONE = ("field", "snapshot", "distance", "clock", "rotation")
@@ -100,3 +100,21 @@ def test_errors(analysed, call, capsys, tmp_path):  # noqa: F811
             call(*arguments, "-o", tmp_path / "a.png")
         said = capsys.readouterr().err
         assert stop.value.code == 2 and text in said and len(said.splitlines()) == 1
+
+
+def test_one_size_distribution_is_one_system(call, capsys, tmp_path):  # noqa: F811
+    """Runs that are averaged differ in their disks alone, and are analysed in the same way."""
+    runs = [write_channel_run(tmp_path / f"{mu_disk}-{seed}", channel_tracks(seed=seed), mu_disk=mu_disk, seed=seed)
+            for mu_disk, seed in ((0.4, 1), (0.4, 2), (0.9, 3))]
+    quick = ("--interval", "1", "--skip-pushes", "0", "--intervals", "0.2", "1.4", "4", "--clock-intervals", "4", "--min-count", "3")
+    analyse_command.main(["channel", *map(str, runs), *quick])
+    with pytest.raises(SystemExit):
+        call("channel_polydispersity.py", *runs, "-o", tmp_path / "a.png")
+    assert "differ in -mu_disk (0.4 and 0.9)" in capsys.readouterr().err
+    assert figures.distinct([runs[0], runs[1], runs[0]]) == runs[:2]
+    analyse_command.main(["channel", str(runs[1]), *quick, "--neighbours", "12"])
+    with pytest.raises(RunError, match=r"their analyses differ in --neighbours \(15 and 12\)"):
+        figures.distinct(runs[:2])
+    for paths, text in ((runs, "differ in -mu_disk"), ([runs[0], runs[0]], "given several times")):
+        with pytest.raises(RunError, match=text):
+            analyse_command.main(["channel", *map(str, paths), *quick, "--field", "pooled"])
