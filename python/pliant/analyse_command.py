@@ -117,8 +117,8 @@ def channel_options(one):
     table.add_argument("--frames-per-push", type=int, metavar="N",
                        help="push = frame // N, without the column push (default: one push)")
     table.add_argument("--angle-unit", choices=sorted(tracks.ANGLE_UNITS), default="radians")
-    one.add_argument("--angle-period", type=float, default=2 * np.pi, metavar="RAD",
-                     help="angles are known up to a multiple of this; pi for a rectangle's (default: 2 pi)")
+    table.add_argument("--angle-period", type=float, default=2 * np.pi, metavar="RAD",
+                       help="angles are known up to a multiple of this; pi for a rectangle's (default: 2 pi)")
 
 
 def _parser():
@@ -182,7 +182,6 @@ def main(arguments=None):
     runs = [tracks.load(path, **options) for path in given.path]
     results = channel.analyse(runs, choices)
     for path, output, result in zip(given.path, outputs, results):
-        result["choices"] |= {"angle_period": options["angle_period"]}
         if path.is_file():
             result["choices"]["table"] = options
         write_result(output, result)

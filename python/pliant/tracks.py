@@ -117,8 +117,8 @@ def state_of(run):
     return {"created": run.manifest.get("created"), "frames": len(times), "time": times[-1] if times else None}
 
 
-def from_run(path, angle_period=2 * np.pi):
-    """Tracks of the frames of a run. Raises RunError if they have no `push` and `plunger_travel`."""
+def from_run(path):
+    """Tracks of the frames of a run, whose angles are continuous. Raises RunError if they have no `push` and `plunger_travel`."""
     with Run(path) as run:
         if not len(run.frames):
             run.frame(0)  # raises the error
@@ -132,7 +132,7 @@ def from_run(path, angle_period=2 * np.pi):
     for number, rows in sorted(by_push.items()):
         name, time, travel, position, angle = zip(*rows)
         _check_travel(path, number, np.array(travel, float))
-        angle = None if any(a is None for a in angle) else _unwrapped(np.array(angle), angle_period)
+        angle = None if any(a is None for a in angle) else np.array(angle)
         pushes.append(Push(number, np.array(name), np.array(time), np.array(travel, float), np.array(position), radius,
                            np.arange(len(radius)), angle))
     return Tracks(str(path), tuple(pushes), state)
@@ -216,10 +216,10 @@ def from_table(table, source="table", fps=6.0, plunger_speed=0.22, frames_per_pu
 
 
 def load(path, angle_period=2 * np.pi, **table_options):
-    """Tracks of a run folder, or of a CSV file (from_table has the options)."""
+    """Tracks of a run folder, or of a CSV file, whose angles are known up to `angle_period` (from_table has the options)."""
     path = Path(path)
     if not path.is_file():
-        return from_run(path, angle_period)
+        return from_run(path)
     try:
         table = pd.read_csv(path, comment="#", float_precision="round_trip")
     except (OSError, ValueError) as error:  # pandas' parser errors are ValueErrors

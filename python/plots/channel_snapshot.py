@@ -25,7 +25,7 @@ def main():
     (_, result), = figures.results(arguments.path)
     given = result["choices"]
     choices = figures.choices_of(result)
-    run = tracks.load(arguments.path[0], **({"angle_period": given["angle_period"]} | given.get("table", {})))
+    run = tracks.load(arguments.path[0], **given.get("table", {}))
     shot = channel.snapshot(run, choices, arguments.push, arguments.travel)
 
     figure, panels = plt.subplots(2, 2, figsize=(plotting.PAGE, 7.8), layout="constrained")

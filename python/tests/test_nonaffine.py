@@ -432,6 +432,14 @@ def test_rotation_across_a_whole_turn(period, unit):
     assert_allclose(result["rotation_turns"]["all"]["value"], 8 * 0.7 / (2 * np.pi))
 
 
+def test_angles_of_runs_are_continuous(tmp_path):
+    """A disk of a run may turn by more than half a turn from one frame to the next."""
+    push, = channel_tracks(pushes=1).pushes
+    angle = np.arange(len(push.frame))[:, None] * np.full(len(push.radius), 4.0)
+    path = write_channel_run(tmp_path / "run", Tracks("", (dataclasses.replace(push, angle=angle),)))
+    assert_allclose(tracks.load(path).pushes[0].angle, angle)
+
+
 def test_without_angles_there_is_no_rotation():
     table = tracks_table(channel_tracks()).drop(columns="angle")
     result, = channel.analyse([tracks.from_table(table)], QUICK)
