@@ -4,6 +4,7 @@ this module. Every other option distinguishes runs, also an option of a later ve
 import re
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from . import symbols
@@ -69,8 +70,13 @@ def settings(table, scenario, variables=(), among=slice(None)):
 def series(table, scenario, variables):
     """Name of the series of each run of a sweep table: its values of the `settings`; "" if there are none."""
     found = settings(table, scenario, variables)
-    names = [", ".join(f"default {name}" if value == "" else symbols.parameter_label(name, value)
-                       for name, value in zip(found, row) if value is not None) for row in found.itertuples(index=False)]
+
+    def label(name, value):
+        if isinstance(value, str) and not value:
+            return f"default {name}"
+        return symbols.parameter_label(name, value if isinstance(value, (bool, np.bool_)) else _text(value))
+
+    names = [", ".join(label(name, value) for name, value in zip(found, row) if value is not None) for row in found.itertuples(index=False)]
     return pd.Series(names if len(found.columns) else "", index=table.index, dtype=object)
 
 

@@ -69,6 +69,11 @@ def test_a_repeated_run_counts_once(capsys):
     assert "1 of 4 runs have the options and the seed of another run; each counts once" in capsys.readouterr().out
 
 
+def test_names_of_series_have_all_digits():
+    table = pd.DataFrame({"scenario": "clog", "hopper_angle": [25, 25.0001], "wall_friction": [True, False]})
+    assert list(pooling.series(table, "clog", ())) == [r"$\theta_w = 25$, wall_friction = true", r"$\theta_w = 25.0001$, wall_friction = false"]
+
+
 def test_the_longest_of_equal_runs_counts():
     table = pd.DataFrame({"scenario": "hopper", "seed": [1, 2, 1], "t_end": [100, 50, 200], "Q": [1.0, 2.0, 3.0]})
     assert list(pooling.once(table, "hopper")["Q"]) == [2.0, 3.0]
