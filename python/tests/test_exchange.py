@@ -49,6 +49,31 @@ def test_round_trip_to_the_last_bit(tmp_path, suffix, dim, box):
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
+def test_particles_keep_their_ids(tmp_path, suffix):
+    """Rows move up where a particle is removed: displacements follow the ids."""
+    place = np.array([[0.0, 0], [3, 0], [6, 0], [9, 0]])
+    frames = [Particles(place, 0.5, ids=[4, 7, 2, 9], time=0.0), Particles(place[[0, 2, 3]] + [0.5, 0], 0.5, ids=[4, 2, 9], time=1.0)]
+    path = exchange.write(frames, tmp_path / f"a.{suffix}")[0]
+    again = exchange.read(path)
+    assert_array_equal(again[0].ids, [2, 4, 7, 9])
+    assert_array_equal(again[1].active, [True, True, False, True])
+    msd = analysis.mean_squared_displacement(again)
+    assert_allclose(msd[["msd", "samples"]], [[0.25, 3]])
+    exchange.write(again, path)
+    assert_allclose(analysis.mean_squared_displacement(exchange.read(path))["msd"], 0.25)
+
+
+def test_a_particle_has_the_same_lammps_type_in_all_frames(tmp_path):
+    """Also after the smallest particle has left, or if a radius grows."""
+    place, radii = np.arange(8.0).reshape(4, 2), np.array([0.4, 0.5, 0.5, 0.6])
+    frames = [Particles(place[k:], radii[k:] + 0.01 * k, ids=np.arange(4)[k:]) for k in range(3)]
+    exchange.write(frames, tmp_path / "a.dump")
+    rows = [line.split() for line in (tmp_path / "a.dump").read_text().splitlines() if len(line.split()) == 6 and line[0] != "I"]
+    assert [row[:2] for row in rows] == [["1", "1"], ["2", "2"], ["3", "2"], ["4", "3"],
+                                         ["2", "2"], ["3", "2"], ["4", "3"], ["3", "2"], ["4", "3"]]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize("model", ["soft", "rough", "soft3d"])
 def test_runs(tmp_path, suffix, model, request):
     with Run(request.getfixturevalue(model)[0]) as run:

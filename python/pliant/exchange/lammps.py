@@ -1,7 +1,7 @@
 """LAMMPS dump files (text), style custom: https://docs.lammps.org/dump.html. OVITO reads them, and LAMMPS with read_dump.
 
-Ids begin at 1: particle 0 of Pliant has id 1. The type numbers the different radii from the smallest, or is 1 if there are more
-than 32. In 2D z is 0, between -0.5 and 0.5. Open directions have the boundary ff and the extent of the particles.
+Ids begin at 1: particle 0 of Pliant has id 1. The type numbers the different radii in the file from the smallest, or is 1 if there
+are more than 32; a particle has the same type in all frames, by its radius in its first one. In 2D z is 0, between -0.5 and 0.5. Open directions have the boundary ff and the extent of the particles.
 """
 
 import io
@@ -19,14 +19,14 @@ _AXES = "xyz"
 
 def write(shots, path):
     """Writes the Snapshots to one file; returns [path]."""
-    text = io.StringIO()
-    for shot in shots:
+    text, shots = io.StringIO(), list(shots)
+    for shot, types in zip(shots, _types(shots)):
         low, high = (np.append(side, fill)[:3] for side, fill in zip(shot.extent(), (-0.5, 0.5)))
         bounds = ["pp" if p else "ff" for p in shot.periodic] + ["pp"] * (3 - shot.dim)
         text.write(f"ITEM: TIMESTEP\n{shot.step}\nITEM: TIME\n{float(shot.time)!r}\nITEM: NUMBER OF ATOMS\n{len(shot.ids)}\n"
                    f"ITEM: BOX BOUNDS {' '.join(bounds)}\n")
         text.writelines(f"{float(a)!r} {float(b)!r}\n" for a, b in zip(low, high))
-        table = {"id": shot.ids + 1, "type": _types(shot.columns.get("radius"), len(shot.ids))}
+        table = {"id": shot.ids + 1, "type": types}
         for name, values in shot.columns.items():
             if values.dtype.kind == "b":
                 values = values.astype(int)
@@ -41,11 +41,16 @@ def write(shots, path):
     return [path]
 
 
-def _types(radius, count):
-    if radius is None:
-        return np.ones(count, int)
-    sizes, at = np.unique(radius, return_inverse=True)
-    return at + 1 if len(sizes) <= _TYPES else np.ones(count, int)
+def _types(shots):
+    """[[n] types] of the Snapshots."""
+    ids = np.concatenate([shot.ids for shot in shots])
+    types = np.ones(len(ids), int)
+    if all("radius" in shot.columns for shot in shots):
+        _, first, particle = np.unique(ids, return_index=True, return_inverse=True)
+        sizes, size = np.unique(np.concatenate([shot.columns["radius"] for shot in shots])[first], return_inverse=True)
+        if len(sizes) <= _TYPES:
+            types = size[particle] + 1
+    return np.split(types, np.cumsum([len(shot.ids) for shot in shots])[:-1])
 
 
 class _Lines:

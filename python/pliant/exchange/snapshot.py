@@ -85,7 +85,8 @@ def _of(source, number, fields):
         outlines = [outline for outline, present in zip(frame.polygons, here) if present]
     step = frame.step if frame else number
     time = part.time if np.isfinite(part.time) else float(number)
-    return Snapshot(time, step, part.dim, part.box, np.flatnonzero(here), columns, outlines, _contacts(part))
+    ids = np.arange(part.count) if part.ids is None else part.ids
+    return Snapshot(time, step, part.dim, part.box, ids[here], columns, outlines, _contacts(part))
 
 
 def _contacts(part):
