@@ -127,12 +127,6 @@ class Geometry:
         return nearest_image(difference, self.box[1])
 
 
-def touching_pairs(pairs):
-    """[K, 2] pairs of different particles among contacts [C, 2] (second particle -1: a wall), each once, lower number first."""
-    pairs = pairs[(pairs >= 0).all(1) & (pairs[:, 0] != pairs[:, 1])]
-    return np.unique(np.sort(pairs, axis=1), axis=0)
-
-
 def contact_table(first, second, wall, position, normal, overlap, force, friction):
     """DataFrame with the columns of Frame.contacts, one row per contact [C]; position, normal, force, friction [C, D]."""
     axes = "xyz"[: position.shape[1]]
@@ -384,9 +378,9 @@ class Frame:
     @_read_once
     def touching(self):
         """[N] other particles that touch each particle (droplets: bonds of the particle), for any number of touching
-        vertices."""
-        pairs = touching_pairs(self.contacts[["particle_1", "particle_2"]].to_numpy())
-        return np.bincount(pairs.ravel(), minlength=self._run.topology.particles)
+        vertices; in a small periodic box each image that touches counts."""
+        from .analysis import coordination
+        return coordination(self, walls=False)
 
     @_read_once
     def modes(self):

@@ -1112,16 +1112,16 @@ class Simulation(_Fixed):
     def particles(self) -> Particles:
         """Centres, velocities, sizes and contacts now, as pliant.analysis takes them; its functions also take the simulation
         itself: pliant.analysis.mean_stress(sim)."""
-        from .analysis.particles import Particles, contact_arrays
+        from .analysis.particles import Particles, with_contacts
         topology = self._core.topology()
         areas, box = topology["a0"], self.box
-        if np.any(np.diff(self.offsets) > 1) and self._dim == 3:
-            areas = self.volumes
-        elif np.any(np.diff(self.offsets) > 1):
-            areas = [_area(polygon) for polygon in self.polygons]
-        return Particles(self.centres, radii=topology["sigma"] / 2, velocities=self.centre_velocities, masses=self.masses,
-                         volumes=areas, box=None if box is None else np.array([box.origin, box.lengths]), ids=self.ids, time=self.t,
-                         **contact_arrays(self.contacts, self._dim))
+        deformable = np.any(np.diff(self.offsets) > 1)
+        if deformable:
+            areas = self.volumes if self._dim == 3 else [_area(polygon) for polygon in self.polygons]
+        particles = Particles(self.centres, radii=topology["sigma"] / 2, velocities=self.centre_velocities, masses=self.masses,
+                              volumes=areas, box=None if box is None else np.array([box.origin, box.lengths]), ids=self.ids,
+                              time=self.t)
+        return with_contacts(particles, self.contacts, (self.positions, self.offsets) if deformable else None)
 
     def draw(self, color: str = "speed", axes: Any = None) -> Any:
         """Draws particles and walls now, as Run.draw draws a frame: coloured by speed, contacts, size, area or shape, on

@@ -4,7 +4,7 @@ import functools
 
 import numpy as np
 
-from .run import Geometry, Topology, touching_pairs
+from .run import Geometry, Topology
 
 
 def _face_offset(topology):
@@ -43,7 +43,7 @@ class SimulationFrame:
         self.volume = None if run.topology.faces is None else sim.volumes
         self.active = np.ones(len(sim), dtype=bool)
         self.wall_segments = run.geometry.segments
-        self._contacts = sim.contacts
+        self._contacts, self._particles = sim.contacts, sim.particles
 
     @property
     def contacts(self):
@@ -55,8 +55,8 @@ class SimulationFrame:
 
     @property
     def touching(self):
-        pairs = touching_pairs(self._contacts[["particle_1", "particle_2"]].to_numpy())
-        return np.bincount(pairs.ravel(), minlength=len(self.active))
+        from .analysis import coordination
+        return coordination(self._particles(), walls=False)
 
     @functools.cached_property
     def area(self):

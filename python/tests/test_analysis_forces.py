@@ -201,6 +201,42 @@ def test_pair_forces_join_the_contacts_of_a_pair():
     assert_allclose(vector, [[-1, 0], [0, -1]])
 
 
+def test_contacts_with_several_images_count_for_each():
+    """Particle 1 touches 0 on both sides, and both touch their own images above and below."""
+    part = Particles([[0.3, 0.5], [1.2, 0.5]], 0.5, box=[1.8, 0.9], pairs=[[0, 1], [1, 0], [0, 0], [1, 1]],
+                     points=[[0.75, 0.5], [1.65, 0.5], [0.3, 0.95], [1.2, 0.05]],
+                     arms=0.45 * np.array([[[-1, 0], [1, 0]], [[-1, 0], [1, 0]], [[0, -1], [0, 1]], [[0, 1], [0, -1]]]),
+                     forces=[[-1, 0], [-1, 0], [0, -2], [0, 2]])
+    pairs, force, vector = analysis.pair_forces(part)
+    assert_array_equal(pairs, [[0, 0], [0, 1], [0, 1], [1, 1]])
+    assert_allclose(force, [[0, 2], [-1, 0], [1, 0], [0, 2]])
+    assert_allclose(vector, [[0, 0.9], [-0.9, 0], [0.9, 0], [0, 0.9]])
+    assert_array_equal(analysis.coordination(part), [4, 4])
+    assert_allclose(analysis.fabric(part), np.eye(2) / 2)
+    near = analysis.touching(part)
+    assert_array_equal(near.number, [4, 4])
+    assert_allclose(near.sums(near.vectors), 0, atol=1e-12)
+    assert_allclose(analysis.mean_stress(part, kinetic=False) * 1.62, [[1.8, 0], [0, 3.6]])
+    assert_allclose(analysis.particle_stress(part, 0.81)[0] * 0.81, [[0.9, 0], [0, 1.8]])
+    weak = Particles([[0.3, 0.5], [1.2, 0.5], [0.3, 1.5]], 0.5, box=[1.8, 5.0], pairs=[[0, 1], [1, 0], [0, 2]],
+                     points=[[0.75, 0.5], [1.65, 0.5], [0.3, 1.0]], forces=[[-1, 0], [-1, 0], [0, -0.1]])
+    assert analysis.force_chains(weak, least=2).chains[0].tolist() == [0, 1]
+    assert analysis.force_clusters(weak)[1].tolist() == [2]
+
+
+def test_contacts_whose_image_is_unknown_are_refused():
+    contact = {"pairs": [[0, 1]], "forces": [[-1, 0]]}
+    part = Particles([[0.3, 0.5], [1.2, 0.5]], 0.5, box=[1.8, 5.0], **contact)
+    for function in (analysis.touching_pairs, analysis.pair_forces, analysis.particle_stress, analysis.coordination):
+        with pytest.raises(ValueError, match=r"particles 0 and 1 touch, .* vector is 0.9\); give points=, or use a frame"):
+            function(part)
+    assert len(analysis.touching_pairs(Particles(part.positions, 0.5, box=part.box, points=[[0.75, 0.5]], **contact))) == 1
+    with pytest.raises(ValueError, match="give arms="):
+        analysis.touching_pairs(Particles(part.positions, 0.5, box=[0.98, 5.0], points=[[0.75, 0.5]], **contact))
+    with pytest.raises(ValueError, match="particles 0 and 0 touch, .* give points="):
+        analysis.coordination(Particles([[0.3, 0.5]], box=[0.9, 5.0], pairs=[[0, 0]]))
+
+
 def test_force_distribution():
     part = loaded(hexagonal(6, 6))
     table = analysis.force_distribution(part, bins=5, f_max=2.0)

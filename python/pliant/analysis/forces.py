@@ -17,15 +17,13 @@ _LEAST = 3     # particles of a chain [Peters et al.]
 
 
 def pair_forces(particles):
-    """(pairs [K, 2], forces [K, D], vectors [K, D]): each pair of touching particles once, lower number first, with the sum of its
-    contact forces on the first particle and the vector from the second to the first. Walls are left out."""
+    """(pairs [K, 2], forces [K, D], vectors [K, D]): each pair of touching particles once (in a small periodic box once for each
+    image that touches), lower number first, with the sum of its contact forces on the first particle and the vector from the
+    second to the first. Walls are left out."""
     particles = Particles.of(particles, "pairs", "forces")
-    inner = (particles.pairs[:, 1] >= 0) & (particles.pairs[:, 0] != particles.pairs[:, 1])
-    pairs, force = particles.pairs[inner], particles.forces[inner]
-    swapped = pairs[:, 0] > pairs[:, 1]
-    force = np.where(swapped[:, None], -force, force)
-    pairs, row = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
-    return pairs, sums(row.ravel(), force, len(pairs)), particles.relative(pairs[:, 1], pairs[:, 0])
+    pairs, row, sign, vectors = particles.touching
+    force = sign[:, None] * particles.forces[particles.pairs[:, 1] >= 0]
+    return pairs, sums(row, force, len(pairs)), vectors
 
 
 def force_distribution(source, bins=50, f_max=5.0):
@@ -109,9 +107,8 @@ def _links(pairs, vector, axis, cosine):
     order = order[near[order]]
     side = 2 * centre[order] + (along[order] > 0)
     best = order[np.unique(side, return_index=True)[1]]
-    chosen = np.sort(np.stack([centre[best], other[best]], 1), axis=1)
-    chosen, times = np.unique(chosen, axis=0, return_counts=True)
-    return chosen[times == 2]
+    chosen, times = np.unique(best % len(pairs), return_counts=True)
+    return pairs[chosen[times == 2]]
 
 
 def _paths(links, count):

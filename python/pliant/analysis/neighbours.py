@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from .. import run
 from .particles import Particles
 
 
@@ -47,13 +46,12 @@ class Neighbours:
         return np.where(used, self.second[row] if len(self.second) else 0, 0), row, used
 
 
-def neighbours_of(particles, first, second, weights=None):
-    """Neighbours from undirected pairs `first` [K], `second` [K] with weights [K]."""
+def neighbours_of(particles, first, second, vectors):
+    """Neighbours from undirected pairs `first` [K], `second` [K] with the vectors [K, D] from the second to the first."""
     both = np.concatenate([first, second]), np.concatenate([second, first])
-    weights = np.ones(len(first)) if weights is None else weights
     order = np.lexsort(both[::-1])
     one, other = (side[order] for side in both)
-    return Neighbours(particles.count, one, other, particles.relative(one, other), np.tile(weights, 2)[order])
+    return Neighbours(particles.count, one, other, np.concatenate([-vectors, vectors])[order], np.ones(len(order)))
 
 
 def _places(particles, distance):
@@ -127,7 +125,8 @@ def within(particles, distance):
     the periodic box several images of a particle are neighbours, also images of the particle itself."""
     particles = Particles.of(particles)
     if not distance > particles.half_lattice:
-        return neighbours_of(particles, *close_pairs(particles, distance).T)
+        first, second = close_pairs(particles, distance).T
+        return neighbours_of(particles, first, second, particles.relative(second, first))
     _check_length(distance)
     tree, particle = _with_images(particles, distance)
     near = tree.query_ball_point(tree.data[:particles.active.sum()], distance)
@@ -166,12 +165,13 @@ def nearest(particles, count):
 
 
 def touching_pairs(particles):
-    """[K, 2] pairs in contact (droplets: also bound pairs), each once, lower number first, however many points touch."""
-    particles = Particles.of(particles, "pairs")
-    return run.touching_pairs(particles.pairs)
+    """[K, 2] pairs in contact (droplets: also bound pairs), each once, lower number first, however many points touch. In a small
+    periodic box each image that touches counts, including images of the particle itself."""
+    return Particles.of(particles, "pairs").touching[0]
 
 
 def touching(particles):
-    """Neighbours in contact."""
+    """Neighbours in contact, images as of `touching_pairs`."""
     particles = Particles.of(particles, "pairs")
-    return neighbours_of(particles, *touching_pairs(particles).T)
+    pairs, _, _, vectors = particles.touching
+    return neighbours_of(particles, *pairs.T, vectors)

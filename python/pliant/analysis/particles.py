@@ -68,6 +68,7 @@ class Particles:
     pairs: np.ndarray | None = None   #: [C, 2] particles of each contact; the second is -1 for a wall
     forces: np.ndarray | None = None  #: [C, D] force on the first particle
     points: np.ndarray | None = None  #: [C, D] contact points; default (pairs): on the line of centres, by radii
+    arms: np.ndarray | None = None    #: [C, 2, D] about the vectors from the contact point to both centres, in small periodic boxes
     walls: np.ndarray | None = None   #: [C] number of the wall, -1 for pairs
     ids: np.ndarray | None = None     #: [N] numbers of the particles, by which two moments are compared; default: their rows
     time: float = np.nan
@@ -87,8 +88,9 @@ class Particles:
         radii = np.full(count, self.radii, float) if np.ndim(self.radii) == 0 and self.radii is not None else self.radii
         shapes = {"radii": (radii, (count,)), "velocities": (self.velocities, (count, dim)),
                   "masses": (self.masses, (count,)), "volumes": (self.volumes, (count,)),
-                  "forces": (self.forces, (None, dim)), "points": (self.points, (None, dim))}
-        of_contacts = ("forces", "points")
+                  "forces": (self.forces, (None, dim)), "points": (self.points, (None, dim)),
+                  "arms": (self.arms, (None, 2, dim))}
+        of_contacts = ("forces", "points", "arms")
         given |= {name: _array(name, values, shape, finite=name in of_contacts)
                   for name, (values, shape) in shapes.items() if values is not None}
         for name in ("radii", "masses", "volumes"):
@@ -103,7 +105,7 @@ class Particles:
                 raise ValueError(f"pairs has particles from {int(min(low))} to {high}; number them from 0 to {count - 1}, "
                                  "and write -1 for a wall in the second column")
             given["pairs"] = pairs
-            for name in ("forces", "points"):
+            for name in of_contacts:
                 if name in given and len(given[name]) != len(pairs):
                     raise ValueError(f"{name} has {len(given[name])} rows and pairs {len(pairs)}; give one row per contact")
             if self.walls is not None:
@@ -207,27 +209,91 @@ class Particles:
     @cached_property
     def branches(self):
         """([C, D], [C, D]) vectors from the contact point to the centre of the first particle, and of the second; zero for a
-        wall."""
+        wall. In a periodic box to the images that touch: the nearest ones of `arms`, by default of the contact point (without
+        points, of the other centre). ValueError where several images are as near as a contact can be."""
         first, second = self.pairs.T
         pair = second >= 0
-        between = np.where(pair[:, None], self.relative(second, first), 0.0)
+        wall = ~pair[:, None]
         if self.points is None:
             if not pair.all():
                 raise ValueError(f"contact {int(np.argmin(pair))} is with a wall and has no place; give points= [C, D]")
-            share = 0.5
-            if self.radii is not None:
-                share = (self.radii[first] / (self.radii[first] + self.radii[second]))[:, None]
-            one = between * share
+            share = 0.5 if self.radii is None else (self.radii[first] / (self.radii[first] + self.radii[second]))[:, None]
+            near = 0.0 if self.arms is None else self.arms[:, 0] - self.arms[:, 1]
+            if self.arms is None:
+                self._check_images(first, second, 0 if self.radii is None else self.radii[first] + self.radii[second], "points")
+            between = near + self.nearest_image(self.positions[first] - self.positions[second] - near)
+            return between * share, between * (share - 1)
+        if self.arms is None and self.radii is not None:
+            self._check_images(first, second, np.maximum(self.radii[first], np.where(pair, self.radii[second], 0)), "arms")
+        near = np.zeros((2, *self.points.shape)) if self.arms is None else self.arms.swapaxes(0, 1)
+        one, other = (arm + self.nearest_image(self.positions[of] - self.points - arm) for arm, of in zip(near, (first, second)))
+        return one, np.where(wall, 0.0, other)
+
+    def _check_images(self, first, second, reach, missing):
+        """ValueError for contacts that reach farther than half the periodic box, or from a particle to its own image."""
+        far = (reach > self.half_lattice) | ((first == second) & (self.points is None))
+        if far.any():
+            k = int(np.argmax(far))
+            raise ValueError(f"particles {first[k]} and {second[k]} touch, and several of their periodic images are near enough (half the "
+                             f"shortest lattice vector is {self.half_lattice:g}); give {missing}=, or use a frame or a larger box")
+
+    @cached_property
+    def touching(self):
+        """([K, 2] touching pairs of particles, [C'] row of each contact in them, [C'] sign, [K, D] vectors from the second to the
+        first): each pair once for each image that touches, lower number first, however many points touch. C': contacts without
+        walls; the sign is -1 where the second particle of the contact is the first of the pair."""
+        inner = self.pairs[:, 1] >= 0
+        first, second = self.pairs[inner].T
+        if np.isfinite(self.period).any() and len(first):
+            one, other = (replace(self, pairs=self.pairs[inner], forces=None, walls=None, **{
+                name: None if values is None else values[inner] for name, values in (("points", self.points), ("arms", self.arms))})
+                if not inner.all() else self).branches
+            apart = one - other - self.positions[first] + self.positions[second]
+            edges = self.lattice + np.diag(np.where(np.isfinite(self.period), 0.0, 1.0))
+            image = np.round(np.linalg.solve(edges.T, apart.T).T).astype(int)
         else:
-            one = self.nearest_image(self.positions[first] - self.points)
-        return one, np.where(pair[:, None], one - between, 0.0)
+            image = np.zeros((len(first), self.dim), int)
+        # A contact with its own image is the same one seen from either side.
+        leading = np.take_along_axis(image, np.argmax(image != 0, axis=1)[:, None], 1)[:, 0]
+        swapped = (first > second) | ((first == second) & (leading < 0))
+        sign = np.where(swapped, -1, 1)
+        keys = np.c_[np.minimum(first, second), np.maximum(first, second), sign[:, None] * image]
+        keys, row = np.unique(keys, axis=0, return_inverse=True)
+        pairs = keys[:, :2]
+        vectors = self.positions[pairs[:, 0]] - self.positions[pairs[:, 1]] + keys[:, 2:] @ self.lattice
+        return pairs, row.ravel(), sign, vectors
 
 
-def contact_arrays(table, dim):
-    """{field of Particles: array} of a table with the columns of Frame.contacts."""
-    axes = "xyz"[:dim]
-    return {"pairs": table[["particle_1", "particle_2"]].to_numpy(), "walls": table["wall"].to_numpy(),
-            "forces": table[["f" + axis for axis in axes]].to_numpy(), "points": table[list(axes)].to_numpy()}
+def with_contacts(particles, table, outlines=None):
+    """The Particles with the contacts of a table with the columns of Frame.contacts. outlines: (points [P, D], offset [N+1]) of
+    polygons or surfaces, None for disks and spheres."""
+    axes = "xyz"[:particles.dim]
+    pairs, points = table[["particle_1", "particle_2"]].to_numpy(), table[list(axes)].to_numpy()
+    normal = table[["n" + axis for axis in axes]].to_numpy()
+    if outlines is None:
+        arms = np.stack([normal * particles.radii[pairs[:, 0], None], -normal * particles.radii[pairs[:, 1], None]], 1)
+    else:
+        arms = _arms(particles, pairs, points, normal, *outlines)
+    return replace(particles, pairs=pairs, walls=table["wall"].to_numpy(), forces=table[["f" + axis for axis in axes]].to_numpy(),
+                   points=points, arms=arms)
+
+
+def _arms(particles, pairs, points, normal, vertices, offset):
+    """[C, 2, D] vectors from contacts to the centres, by way of the nearest vertex on this side of the contact; zero where half the
+    box is longer than they can be."""
+    result = np.zeros((len(pairs), 2, particles.dim))
+    if not np.isfinite(particles.half_lattice):
+        return result
+    outward = vertices - np.repeat(particles.positions, np.diff(offset), axis=0)
+    reach = np.sqrt(np.maximum.reduceat((outward**2).sum(1), offset[:-1]))
+    for side, (of, sign) in enumerate(zip(pairs.T, (1, -1))):
+        # The contact is less than half the reach outside of the vertices: their contact diameter is shorter.
+        for k in np.flatnonzero((of >= 0) & (1.5 * reach[of] >= particles.half_lattice)):
+            own = slice(offset[of[k]], offset[of[k] + 1])
+            apart = particles.nearest_image(vertices[own] - points[k])
+            nearest = np.argmin(np.where(sign * (apart @ normal[k]) > 0, (apart**2).sum(1), np.inf))
+            result[k, side] = apart[nearest] - outward[own][nearest]
+    return result
 
 
 def _of_frame(frame, needed, given):
@@ -241,10 +307,11 @@ def _of_frame(frame, needed, given):
               "time": frame.time, "reinsertions": frame.reinsertions if frame.has("reinsertions") else None}
     if "velocities" in needed:
         values["velocities"] = frame.particle_velocities
-    if {"pairs", "forces", "points", "walls"} & set(needed):
-        values |= contact_arrays(frame.contacts, run.dim)
+    particles = Particles(**values | given)
+    if {"pairs", "forces", "points", "walls"} & set(needed) and "pairs" not in given:
+        particles = with_contacts(particles, frame.contacts, (frame.positions, topology.offset) if deformable else None)
         if "forces" in needed and frame.elastic_contacts and (run.model == "disk" or (run.parameters.get("mu") or 0) > 0):
             warnings.warn(f"{run.path}: an older version of the program wrote this frame, at time {frame.time:g}; forces between "
                           "particles are elastic, without friction. Repeat the run to include friction", PliantWarning,
                           stacklevel=3)
-    return Particles(**values | given)
+    return particles
