@@ -136,6 +136,17 @@ def test_fields_of_a_lattice_are_uniform():
     assert_allclose(fields.kinetic_stress, 0, atol=1e-12)
 
 
+def test_fields_are_averaged_over_equal_boxes_only():
+    some = {"velocities": np.zeros((16, 2)), "masses": np.ones(16), "pairs": np.zeros((0, 2)), "forces": np.zeros((0, 2))}
+    part, larger = (square(4, spacing, **some, time=time) for spacing, time in ((1.0, 0.0), (1.1, 3.0)))
+    with pytest.raises(ValueError, match=r"the box is \[4.0, 4.0\] with origin \[0.0, 0.0\] in the first frame and \[4.4, 4.4\] .* at "
+                                         "time 3; average frames with equal boxes"):
+        analysis.coarse_grained([part, larger], width=1.0)
+    opened = Particles(part.positions, 0.5, **some)
+    with pytest.raises(ValueError, match="in the first frame and open at"):
+        analysis.coarse_grained([part, opened], width=1.0)
+
+
 def test_empty_space_has_no_stress():
     """A sum over a grid with empty space is the total, and the velocity is unknown there."""
     part = Particles([[1.0, 2.0], [1.9, 2.0]], 0.5, box=[20, 4], masses=[1, 1], velocities=np.zeros((2, 2)), pairs=[[0, 1]],

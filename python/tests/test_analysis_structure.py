@@ -127,6 +127,17 @@ def test_s_of_random_places_is_one():
         analysis.structure_factor(parts[0], k_max=0.1)
 
 
+def test_s_has_the_wave_vectors_of_the_box_of_each_frame():
+    """Lattices have no scattering between their Bragg peaks, also as an average over boxes of different sizes."""
+    parts = [square(20, spacing) for spacing in (1.0, 1.02, 1.0)]
+    one, other, mean = (analysis.structure_factor(source, k_max=7.0, bins=10, per_bin=10**6) for source in (*parts[:2], parts))
+    assert_allclose(mean["S"].drop(index=8), 0, atol=1e-20)
+    weight = 2 * one["vectors"] + other["vectors"]
+    assert_allclose(mean["S"], (2 * one["S"] * one["vectors"] + other["S"] * other["vectors"]) / weight, atol=1e-20)
+    assert_allclose(mean["k"], (2 * one["k"] * one["vectors"] + other["k"] * other["vectors"]) / weight)
+    assert_array_equal(mean["vectors"], one["vectors"] + other["vectors"])
+
+
 # ---- Voronoi cells -----------------------------------------------------------------------------------------------------
 
 def test_cells_of_lattices():

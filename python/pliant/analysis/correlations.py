@@ -71,31 +71,32 @@ def wave_vectors(size, k_max, bins, per_bin, seed=1):
 
 def structure_factor(particles, k_max=None, bins=100, per_bin=10, region=None, box=None, radii=None, seed=1):
     """S(k) = |Σ exp(-i k·r)|²/N: DataFrame with the columns k (mean of the wave numbers of a bin), S, vectors (wave vectors of
-    the bin, without their opposites); bins without a wave vector are left out.
+    the bin, without their opposites, over all boxes of the frames); bins without a wave vector are left out.
 
-    `particles` as of `radial_distribution`. Wave vectors are multiples of 2π/L, L the lengths of the box or, in open
-    directions, of `region` (default: the extent of the centres), whose particles alone count; at most `per_bin` random ones
-    (seed) of a bin are used. k_max: default 2π·4 over the mean diameter, with positions alone over the mean distance. In open
-    regions S of the smallest k contains the shape of the region."""
-    total, parts, k = 0.0, 0, None
+    `particles` as of `radial_distribution`. Wave vectors are multiples of 2π/L, L the lengths of the box of each frame or, in
+    open directions, of `region` (default: the extent of the centres), whose particles alone count; at most `per_bin` random ones
+    (seed) of a bin are used. k_max: default 2π·4 over the mean diameter, with positions alone over the mean distance, of the
+    first frame. In open regions S of the smallest k contains the shape of the region."""
+    vectors, total, weight, length = {}, np.zeros(bins), np.zeros(bins), np.zeros(bins)
     for part in each(particles, box=box, radii=radii):
         part.upright("structure_factor")
         corners = extent(part, region)
+        size = corners[1] - corners[0]
         places = part.positions[part.active]
         open_ = ~np.isfinite(part.period)
         places = places[((places >= corners[0]) & (places <= corners[1]))[:, open_].all(1)]
-        if k is None:
-            if k_max is None:
-                spacing = (np.prod(corners[1] - corners[0]) / len(places)) ** (1 / part.dim)
-                k_max = 8 * np.pi / (2 * part.radii[part.active].mean() if part.radii is not None else spacing)
-            k, at = wave_vectors(corners[1] - corners[0], k_max, bins, per_bin, seed)
-            size = corners[1] - corners[0]
-        total = total + _intensity(places - corners[0], k, size)
-        parts += 1
-    number = np.bincount(at, minlength=bins)
+        if k_max is None:
+            spacing = (np.prod(size) / len(places)) ** (1 / part.dim)
+            k_max = 8 * np.pi / (2 * part.radii[part.active].mean() if part.radii is not None else spacing)
+        if tuple(size) not in vectors:
+            vectors[tuple(size)] = wave_vectors(size, k_max, bins, per_bin, seed)
+        k, at = vectors[tuple(size)]
+        total += np.bincount(at, _intensity(places - corners[0], k, size), bins)
+        length += np.bincount(at, np.linalg.norm(k, axis=1), bins)
+        weight += np.bincount(at, minlength=bins)
     with np.errstate(invalid="ignore"):
-        table = pd.DataFrame({"k": np.bincount(at, np.linalg.norm(k, axis=1), bins) / number,
-                              "S": np.bincount(at, total / parts, bins) / number, "vectors": number})
+        table = pd.DataFrame({"k": length / weight, "S": total / weight,
+                              "vectors": sum(np.bincount(at, minlength=bins) for _, at in vectors.values())})
     return table[table["vectors"] > 0].reset_index(drop=True)
 
 

@@ -167,18 +167,22 @@ def coarse_grained(source, width, spacing=None, region=None):
     ρ = Σ m φ(x - r), contact stress Σ f_a l_b ∫φ along the lines from the contact point to the centres, kinetic stress
     Σ m v_a v_b φ - ρ V_a V_b, V = Σ m v φ/ρ. Density, momentum and stress fulfil the balance of momentum at every point.
 
-    `source`: a Frame or Particles with masses, velocities, pairs and forces, or a Run or a list of these, which are averaged (V is
-    then the mean velocity). The distance of grid points is `spacing` (default `width`). The grid fills a periodic box, in open directions
+    `source`: a Frame or Particles with masses, velocities, pairs and forces, or a Run or a list of these with equal boxes, which
+    are averaged (V is then the mean velocity). The distance of grid points is `spacing` (default `width`). The grid fills a periodic box, in open directions
     `region`: lower and upper corner, default the extent of the centres of the first frame. The sum over a grid that holds all, times the volume of
     a grid cell, is the total mass or stress to about 1e-4. Up to two widths from a wall a part of each field lies behind it."""
     spacing = width if spacing is None else spacing
     for name, value in (("width", width), ("spacing", spacing)):
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"{name} is {value:g}; give a positive length")
-    grid, totals, count = None, None, 0
+    grid, totals, count, box = None, None, 0, None
     for part in each(source, "masses", "velocities", "pairs", "forces"):
         part.upright("coarse_grained")
-        grid = grid or _Grid(part, width, spacing, region)
+        if grid is None:
+            grid, box = _Grid(part, width, spacing, region), part.box
+        if not np.array_equal(box, part.box):
+            raise ValueError(f"coarse_grained: the box is {_text(box)} in the first frame and {_text(part.box)} at time {part.time:g}; "
+                             "average frames with equal boxes, or call it for each frame")
         now = _moments(part, grid)
         totals = now if totals is None else [a + b for a, b in zip(totals, now)]
         count += 1
@@ -188,6 +192,11 @@ def coarse_grained(source, width, spacing=None, region=None):
         velocity = np.where(near[..., None], momentum / density[..., None], np.nan)
     kinetic = np.where(near[..., None, None], flux - density[..., None, None] * velocity[..., :, None] * velocity[..., None, :], 0.0)
     return Fields(grid.axes, number, density, fraction, velocity, contact, kinetic)
+
+
+def _text(box):
+    """The box in messages."""
+    return "open" if box is None else f"{box[1].tolist()} with origin {box[0].tolist()}"
 
 
 def _moments(particles, grid):
