@@ -70,6 +70,24 @@ def test_kinetic_stress_is_of_an_ideal_gas():
     assert_allclose(analysis.mean_stress(part), 1.5 * np.eye(2))
 
 
+def test_kinetic_stress_is_relative_to_the_flow_of_steady_shear():
+    rng = np.random.default_rng(3)
+    place, thermal = rng.uniform(0, 10, (500, 2)), rng.normal(0, 0.5, (500, 2))
+    given = {"masses": np.full(500, 0.2), "pairs": np.zeros((0, 2)), "forces": np.zeros((0, 2)), "box": [[0, -2], [10, 10]], "tilt": 1.0}
+    flow = np.c_[0.3 * (place[:, 1] + 2), np.zeros(500)]
+    part = Particles(place, 0.5, velocities=flow + thermal, shear_rate=0.3, **given)
+    assert_allclose(analysis.mean_stress(part), 0.2 * thermal.T @ thermal / 100)
+    with pytest.raises(ValueError, match=r"mean_stress: the box is tilted, .*; give shear_rate=, 0 for a box that does not shear, or use kin"):
+        analysis.mean_stress(Particles(place, 0.5, velocities=flow + thermal, **given))
+    at_rest = Particles(place, 0.5, velocities=thermal, shear_rate=0, **given)
+    away = thermal - thermal.mean(0)
+    assert_allclose(analysis.mean_stress(at_rest), 0.2 * away.T @ away / 100)
+    with pytest.raises(ValueError, match="coarse_grained: the box shears at the rate 0.3"):
+        analysis.coarse_grained(Particles(place, 0.5, velocities=flow, shear_rate=0.3, **given | {"tilt": None}), width=1.0)
+    with pytest.raises(ValueError, match="shear_rate is 0.3; give the finite rate of a periodic box, and box="):
+        Particles(place, shear_rate=0.3)
+
+
 def test_particle_stresses_sum_to_the_mean_stress():
     part = loaded(random_disks(80, 8.0), 1.5, 1.0)
     total = analysis.particle_stress(part, 1.0).sum(0)

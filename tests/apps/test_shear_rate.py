@@ -1,11 +1,17 @@
 """Steady shear at a rate: budget of energy and momentum, restart, ranks, integrators, statistics, refusals. Oscillatory
 shear."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 from conftest import Results, assert_same_runs, pliant
 from test_parallel import assert_near_runs, complaints, needs_mpi, on_any_ranks, on_ranks
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "python"))
+from pliant import Run, analysis  # noqa: E402
 
 DENSE = {"n": 24, "path": "quench", "fraction": 0.95, "shear_rate": 0.02, "strain": 1}
 POLYGONS = {"n": 6, "n_vertices": 8, "path": "decompress", "fraction": 0.4, "pressure": 1e-2, "strain": 0.5}
@@ -42,6 +48,20 @@ def test_budget_of_energy_and_momentum(options, tmp_path):
         row = np.argmin(np.abs(s["time"] - frame["time"]))
         if s["time"][row] == frame["time"]:
             assert frame["particle_stress"].sum(0) == pytest.approx(s["stress"][row], rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("options", [{}, {"dim": 3, "fraction": 0.8, "n": 40}])
+def test_the_stress_of_frames_in_python_is_relative_to_the_flow(options, tmp_path):
+    shear(tmp_path / "run", **options)
+    run = Run(tmp_path / "run")
+    series, rows = run.vector_series["stress"], np.triu_indices(run.dim)
+    checked = 0
+    for frame in run.frames:
+        row = np.argmin(np.abs(run.series["time"] - frame.time))
+        if run.series["time"][row] == frame.time:
+            assert -analysis.mean_stress(frame)[rows] == pytest.approx(series[row], rel=1e-9, abs=1e-12)
+            checked += 1
+    assert checked > 2
 
 
 def test_box_and_positions_of_frames(tmp_path):

@@ -62,6 +62,7 @@ class Particles:
     box: np.ndarray | None = None    #: [2, D] origin and lengths of a periodic box, or its lengths [D]; inf where open
     tilt: np.ndarray | None = None   #: [D(D - 1)/2] tilt factors of a periodic box, xy; 3D: xy, xz, yz; default: upright
     velocities: np.ndarray | None = None  #: [N, D]
+    shear_rate: float | None = None   #: of steady shear, whose flow is u = shear_rate · (y - y of the origin of the box) along x; 0: none
     masses: np.ndarray | None = None      #: [N]
     volumes: np.ndarray | None = None     #: [N] areas (3D: volumes); default: disks or spheres
     active: np.ndarray | None = None      #: [N] bool; False: absent, left out everywhere; default: all present
@@ -85,6 +86,8 @@ class Particles:
             raise ValueError(f"particle {row} is at {positions[row]}; set active[{row}] = False for absent particles")
         box = box_of(self.box, dim)
         given = {"positions": positions, "active": active, "box": box, "tilt": _tilt_of(self.tilt, box, dim)}
+        if self.shear_rate is not None and (not np.isfinite(self.shear_rate) or (self.shear_rate and box is None)):
+            raise ValueError(f"shear_rate is {self.shear_rate:g}; give the finite rate of a periodic box, and box=")
         radii = np.full(count, self.radii, float) if np.ndim(self.radii) == 0 and self.radii is not None else self.radii
         shapes = {"radii": (radii, (count,)), "velocities": (self.velocities, (count, dim)),
                   "masses": (self.masses, (count,)), "volumes": (self.volumes, (count,)),
@@ -206,6 +209,17 @@ class Particles:
         """[…, D] nearest image of the vectors from the particles `first` to the particles `second`."""
         return self.nearest_image(self.positions[second] - self.positions[first])
 
+    def fluctuations(self, analysis):
+        """[N, D] velocities relative to the flow of steady shear, without shear relative to the velocity of the centre of mass.
+        ValueError for a tilted box whose shear rate is unknown, with the name of the `analysis`."""
+        if self.tilt is not None and self.shear_rate is None:
+            raise ValueError(f"{analysis}: the box is tilted, and the flow in its velocities is unknown; give shear_rate=, 0 for a box that "
+                             "does not shear, or use kinetic=False")
+        if self.shear_rate:
+            return self.velocities - self.shear_rate * (self.positions[:, 1:2] - self.box[0, 1]) * np.eye(self.dim)[0]
+        mass = self.masses[self.active]
+        return self.velocities - mass @ self.velocities[self.active] / mass.sum()
+
     @cached_property
     def branches(self):
         """([C, D], [C, D]) vectors from the contact point to the centre of the first particle, and of the second; zero for a
@@ -303,7 +317,7 @@ def _of_frame(frame, needed, given):
     deformable = topology.deformable
     values = {"positions": frame.centres, "active": frame.active, "radii": topology.sigma / 2, "masses": topology.mass,
               "volumes": frame.content if deformable and frame.has("area" if run.dim == 2 else "volume") else topology.a0,
-              "box": frame.box, "tilt": frame.tilt,
+              "box": frame.box, "tilt": frame.tilt, "shear_rate": (run.options.get("shear_rate") or 0.0) if run.scenario == "shear" else 0.0,
               "time": frame.time, "reinsertions": frame.reinsertions if frame.has("reinsertions") else None}
     if "velocities" in needed:
         values["velocities"] = frame.particle_velocities

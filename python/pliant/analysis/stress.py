@@ -2,7 +2,7 @@
 
 Compression is positive: σ_ab = 1/V (Σ_contacts f_a l_b + Σ_particles m v'_a v'_b), f the force on the first particle of a contact, l
 the vector from the centre of the second particle (at a wall: from the contact point) to the centre of the first, v' the velocity
-less the mean velocity. Stress is in the run's unit of force over length^(D-1), for sigma_avg units ρ g σ_avg.
+of a centre less the mean velocity, in steady shear less the flow. Stress is in the run's unit of force over length^(D-1), for sigma_avg units ρ g σ_avg.
 """
 
 from dataclasses import dataclass
@@ -35,8 +35,9 @@ def particle_stress(particles, volumes=None):
 
 
 def mean_stress(particles, volume=None, kinetic=True):
-    """[D, D] stress of all contacts and, with `kinetic`, of the velocities relative to the velocity of the centre of mass, over
-    `volume`: default the periodic box; ValueError where it is open."""
+    """[D, D] stress of all contacts and, with `kinetic`, of the velocities of the particles' centres relative to the velocity of the
+    centre of mass, over `volume`: default the periodic box; ValueError where it is open. In steady shear (`pliant shear -shear_rate`,
+    or Particles with a shear_rate) velocities are relative to the flow; ValueError for a tilted box with an unknown shear rate."""
     particles = Particles.of(particles, "pairs", "forces", *(("velocities", "masses") if kinetic else ()))
     if volume is None:
         volume = particles.period.prod()
@@ -45,8 +46,7 @@ def mean_stress(particles, volume=None, kinetic=True):
     one, other = particles.branches
     total = np.einsum("ca,cb->ab", particles.forces, one - other)
     if kinetic:
-        mass, velocity = particles.masses[particles.active], particles.velocities[particles.active]
-        velocity = velocity - mass @ velocity / mass.sum()
+        mass, velocity = particles.masses[particles.active], particles.fluctuations("mean_stress")[particles.active]
         total = total + np.einsum("n,na,nb->ab", mass, velocity, velocity)
     return total / volume
 
@@ -178,6 +178,9 @@ def coarse_grained(source, width, spacing=None, region=None):
     grid, totals, count, box = None, None, 0, None
     for part in each(source, "masses", "velocities", "pairs", "forces"):
         part.upright("coarse_grained")
+        if part.shear_rate:
+            raise ValueError(f"coarse_grained: the box shears at the rate {part.shear_rate:g}, so that periodic images of particles have "
+                             "different velocities; use mean_stress or particle_stress")
         if grid is None:
             grid, box = _Grid(part, width, spacing, region), part.box
         if not np.array_equal(box, part.box):
