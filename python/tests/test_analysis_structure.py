@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from lattices import cubic, hexagonal, random_disks, square
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial import cKDTree
 
 from pliant import Run, RunError, analysis
 from pliant.analysis import Particles
@@ -215,6 +216,27 @@ def test_cells_end_at_walls_and_are_open_at_a_surface():
     assert_array_equal(closed.neighbours.number, [2, 3, 2, 2, 3, 2])
     with pytest.raises(ValueError, match="walls=True needs a frame"):
         analysis.voronoi(part, walls=True)
+    for function in (analysis.voronoi, analysis.local_fraction):
+        with pytest.raises(ValueError, match="wall 3 is a disk of radius 0.2, and cells can only end at segments; give walls="):
+            function(part, walls=([*sides, [1, 1, 1, 1]], [0, 0, 0, 0.2]))
+
+
+def test_cells_at_corners_have_the_error_that_the_page_states():
+    """Random points of an L-shaped region belong to the nearest particle; only the corner in its middle has an error."""
+    corners = np.array([(0, 6), (0, 0), (3, 0), (3, 3), (6, 3), (6, 6), (0, 6)], float)
+    walls = np.c_[corners[:-1], corners[1:]], np.zeros(6)
+    grid = np.stack(np.meshgrid(*[np.arange(0.005, 6, 0.01)] * 2, indexing="ij"), -1).reshape(-1, 2)
+    grid = grid[(grid[:, 0] < 3) | (grid[:, 1] > 3)]
+    base = np.stack(np.meshgrid(*[np.arange(0.5, 6)] * 2, indexing="ij"), -1).reshape(-1, 2)
+    base = base[(base[:, 0] < 3) | (base[:, 1] > 3)]
+    worst = []
+    for seed in range(20):
+        part = Particles(base + np.random.default_rng(seed).uniform(-0.15, 0.15, base.shape), 0.35)
+        own = cKDTree(part.positions).query(grid)[1]
+        error = np.abs(np.bincount(own, minlength=27) * 1e-4 / analysis.voronoi(part, walls=walls).volumes - 1)
+        assert error[np.linalg.norm(part.positions - 3, axis=1) > 3 * 0.7].max() < 0.01
+        worst.append(error.max())
+    assert 0.1 < max(worst) < 0.12
 
 
 def test_too_few_particles_have_no_cells():

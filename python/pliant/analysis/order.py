@@ -20,7 +20,8 @@ def _bonds(particles, walls):
 
 def coordination(particles, walls=True):
     """[N] partners in contact with each particle, however many points touch: other particles (in a small periodic box each image
-    that touches) and, with `walls`, each wall once (as far as the frame has wall contacts). 0 for absent particles. `particles`: a Frame or Particles with pairs."""
+    that touches) and, with `walls`, each wall once (as far as the frame has wall contacts). 0 for absent particles.
+    `particles`: a Frame or Particles with pairs."""
     particles = Particles.of(particles, "pairs")
     first, second = _bonds(particles, walls)
     ends = np.concatenate([first, second[second < particles.count]])

@@ -62,18 +62,18 @@ class Particles:
     box: np.ndarray | None = None    #: [2, D] origin and lengths of a periodic box, or its lengths [D]; inf where open
     tilt: np.ndarray | None = None   #: [D(D - 1)/2] tilt factors of a periodic box, xy; 3D: xy, xz, yz; default: upright
     velocities: np.ndarray | None = None  #: [N, D]
-    shear_rate: float | None = None   #: of steady shear, whose flow is u = shear_rate · (y - y of the origin of the box) along x; 0: none
     masses: np.ndarray | None = None      #: [N]
     volumes: np.ndarray | None = None     #: [N] areas (3D: volumes); default: disks or spheres
     active: np.ndarray | None = None      #: [N] bool; False: absent, left out everywhere; default: all present
     pairs: np.ndarray | None = None   #: [C, 2] particles of each contact; the second is -1 for a wall
     forces: np.ndarray | None = None  #: [C, D] force on the first particle
     points: np.ndarray | None = None  #: [C, D] contact points; default (pairs): on the line of centres, by radii
-    arms: np.ndarray | None = None    #: [C, 2, D] about the vectors from the contact point to both centres, in small periodic boxes
     walls: np.ndarray | None = None   #: [C] number of the wall, -1 for pairs
     ids: np.ndarray | None = None     #: [N] numbers of the particles, by which two moments are compared; default: their rows
     time: float = np.nan
     reinsertions: np.ndarray | None = None  #: [N] how often each particle was reinserted: a displacement across one is NaN
+    shear_rate: float | None = None  #: rate of steady shear: the flow is shear_rate · (y - y of the box's origin) along x
+    arms: np.ndarray | None = None    #: [C, 2, D] about the vectors from the contact point to both centres, in small periodic boxes
 
     def __post_init__(self):
         positions = np.asarray(self.positions, float)
@@ -317,7 +317,7 @@ def _of_frame(frame, needed, given):
     deformable = topology.deformable
     values = {"positions": frame.centres, "active": frame.active, "radii": topology.sigma / 2, "masses": topology.mass,
               "volumes": frame.content if deformable and frame.has("area" if run.dim == 2 else "volume") else topology.a0,
-              "box": frame.box, "tilt": frame.tilt, "shear_rate": (run.options.get("shear_rate") or 0.0) if run.scenario == "shear" else 0.0,
+              "box": frame.box, "tilt": frame.tilt, "shear_rate": run.options.get("shear_rate") or 0.0,
               "time": frame.time, "reinsertions": frame.reinsertions if frame.has("reinsertions") else None}
     if "velocities" in needed:
         values["velocities"] = frame.particle_velocities

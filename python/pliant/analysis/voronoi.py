@@ -31,24 +31,20 @@ class Voronoi:
     neighbours: Neighbours   #: particles whose cells share a side; weights: its length (3D: area)
 
 
-def _mirrored(particles, segments, radius, limit):
+def _mirrored(particles, segments, limit):
     """([M, D] places, [M] numbers of particles) of the mirror images at walls closer than `limit`: the border of the cells of a
-    particle and of its image is the wall. segments [S, 4]; radius [S] of disks, 0 for segments."""
+    particle and of its image is the wall. segments [S, 4]."""
     places, numbers = [], []
-    for (x1, y1, x2, y2), r in zip(segments, radius):
+    for x1, y1, x2, y2 in segments:
         start, end = np.array([x1, y1]), np.array([x2, y2])
         along = end - start
         length2 = along @ along
-        if r == 0 and length2 == 0:
+        if length2 == 0:
             continue
-        part = 0.0 if r > 0 else np.clip((particles.positions - start) @ along / length2, 0, 1)
-        foot = start + np.multiply.outer(part, along) if r == 0 else start
-        away = particles.positions - foot
-        distance = np.linalg.norm(away, axis=1)
-        inside = ((part > 0) & (part < 1)) if r == 0 else distance > r
-        near = particles.active & inside & (distance - r < limit) & (distance > 0)
-        if r > 0:
-            foot = foot + away * (r / np.where(distance > 0, distance, 1))[:, None]
+        part = np.clip((particles.positions - start) @ along / length2, 0, 1)
+        foot = start + np.multiply.outer(part, along)
+        distance = np.linalg.norm(particles.positions - foot, axis=1)
+        near = particles.active & (part > 0) & (part < 1) & (distance < limit) & (distance > 0)
         places.append((2 * foot - particles.positions)[near])
         numbers.append(np.flatnonzero(near))
     return (np.concatenate(places), np.concatenate(numbers)) if places else (np.zeros((0, particles.dim)), np.zeros(0, int))
@@ -127,7 +123,7 @@ def voronoi(particles, limit=None, walls=None, box=None, radii=None):
     """Voronoi: the cells of the present particles, by their radii (equal ones without).
 
     `particles`: a Frame, Particles or positions [N, D]. `walls`: (segments [S, 4], radius [S]) in 2D, or True for the walls of the
-    Frame: cells end there (at corners and disks approximately). limit: largest distance from
+    Frame: cells end there, next to corners that point towards the particles and free ends approximately. ValueError for disks. limit: largest distance from
     a particle to a corner of its cell; default 2 mean diameters, with positions alone 3 mean distances. Larger cells, such as
     cells at a free surface, are NaN. ValueError for fewer than D + 2 present particles without a periodic box."""
     if walls is True:
@@ -151,9 +147,13 @@ def voronoi(particles, limit=None, walls=None, box=None, radii=None):
     numbers, mirror = present, np.zeros(len(present), bool)
     if walls is not None:
         if dim != 2:
-            raise ValueError("walls of Voronoi cells are segments and disks in 2D, the particles have 3 dimensions; leave out "
-                             "walls")
-        extra, of = _mirrored(particles, np.asarray(walls[0], float).reshape(-1, 4), np.asarray(walls[1], float), limit)
+            raise ValueError("walls of Voronoi cells are segments in 2D, the particles have 3 dimensions; leave out walls")
+        segments, radius = np.asarray(walls[0], float).reshape(-1, 4), np.asarray(walls[1], float)
+        if (radius > 0).any():
+            row = int(np.argmax(radius > 0))
+            raise ValueError(f"wall {row} is a disk of radius {radius[row]:g}, and cells can only end at segments; give walls=(segments, "
+                             "radius) without disks and discard the cells next to them, or leave out walls")
+        extra, of = _mirrored(particles, segments, limit)
         places, numbers = np.concatenate([places, extra]), np.concatenate([numbers, of])
         mirror = np.concatenate([mirror, np.ones(len(extra), bool)])
     margin = _MARGIN * max(spacing, mean or 0)
