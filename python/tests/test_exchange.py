@@ -68,7 +68,7 @@ def test_a_particle_has_the_same_lammps_type_in_all_frames(tmp_path):
     place, radii = np.arange(8.0).reshape(4, 2), np.array([0.4, 0.5, 0.5, 0.6])
     frames = [Particles(place[k:], radii[k:] + 0.01 * k, ids=np.arange(4)[k:]) for k in range(3)]
     exchange.write(frames, tmp_path / "a.dump")
-    rows = [line.split() for line in (tmp_path / "a.dump").read_text().splitlines() if len(line.split()) == 6 and line[0] != "I"]
+    rows = [line.split() for line in (tmp_path / "a.dump").read_text(encoding="utf-8").splitlines() if len(line.split()) == 6 and line[0] != "I"]
     assert [row[:2] for row in rows] == [["1", "1"], ["2", "2"], ["3", "2"], ["4", "3"],
                                          ["2", "2"], ["3", "2"], ["4", "3"], ["3", "2"], ["4", "3"]]
 
