@@ -24,6 +24,8 @@ LENGTH = ("t_end", "hopper_q_rtol", "pushes")
 DISKS = ("distribution", "radii", "counts")
 _NUMERICS = ("dt", "allow_unstable_dt", "allow_energy_error", "integrator", "implicit", "jacobian", "skin")
 _PETSC = re.compile("(ts|snes|ksp|pc|tao|mat|vec)_")
+_TUNED = ("skin",)  # by the program, differently in runs of different length
+_UNFINISHED = ("stopped", "failed", "unfinished")
 _SHOWN = 4  # values of an option in a message
 
 
@@ -93,13 +95,16 @@ def check(table, scenario, variables=()):
 
 
 def _repeated(table, scenario):
-    """Mask of the rows of runs that another row has, too: a longer run, or an earlier row."""
+    """Mask of the rows of runs that another row has, too: one that has ended, a longer one (without t_end the whole run), or an
+    earlier row."""
     if "seed" not in table:
         return pd.Series(False, index=table.index)
     known = table["scenario"].notna() if "scenario" in table else pd.Series(False, index=table.index)
-    longest = table["t_end"].sort_values(ascending=False, kind="stable").index if "t_end" in table else table.index
+    order = pd.DataFrame({"unfinished": table["status"].isin(_UNFINISHED) if "status" in table else False,
+                          "t_end": -table["t_end"].fillna(np.inf) if "t_end" in table else 0}, index=table.index)
+    longest = order.sort_values(["unfinished", "t_end"], kind="stable").index
     same = pd.Series(False, index=table.index)
-    for part, columns in ((known, _options(table, scenario, {*OUTPUT, *LENGTH})), (~known, table)):
+    for part, columns in ((known, _options(table, scenario, {*OUTPUT, *LENGTH, *_TUNED})), (~known, table)):
         same |= part & columns[part].loc[[row for row in longest if part[row]]].astype(str).duplicated().reindex(table.index, fill_value=False)
     return same & table["seed"].notna()
 

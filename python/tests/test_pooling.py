@@ -141,3 +141,15 @@ def test_the_density_of_states_is_a_mean_over_seeds_alone(call, drawn, capsys, t
     with pytest.raises(SystemExit):
         call("density_of_states.py", *same, write_modes(tmp_path / "b", 3, pressure=1e-2), "-o", tmp_path / "a.png")
     assert "differ in -pressure (0.0001 and 0.01)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("one, other, kept", [
+    ({"t_end": np.nan}, {"t_end": 50}, 0),  # the whole run
+    ({"t_end": 50}, {"t_end": np.nan}, 1),
+    ({"t_end": 30}, {"t_end": 40}, 1),
+    ({"t_end": 30}, {"t_end": 1e5, "status": "stopped"}, 0),  # without a result
+    ({"t_end": 30, "skin": 0.22}, {"t_end": 40, "skin": 0.23}, 1)])  # the program tunes the skin
+def test_the_run_that_counts_of_runs_with_equal_options(one, other, kept, capsys):
+    rows = [{"scenario": "hopper", "model": "sp", "status": "done", "seed": 1, "number": k, **run} for k, run in enumerate((one, other))]
+    assert list(pooling.once(pd.DataFrame(rows), "hopper")["number"]) == [kept]
+    assert "1 of 2 runs" in "".join(capsys.readouterr())

@@ -288,7 +288,7 @@ Real Simulated<D>::check_step(const Settings& settings, const CriticalStep& crit
   return dt;
 }
 
-/// The lengths and speeds of a method, which it has for mean diameters (droplets: radii) of 1, in the user's units.
+/// Converts lengths and speeds of a method, which are for a mean diameter (droplets: radius) of 1, to the user's units.
 template <int D>
 void Simulated<D>::scale(TsOptions& method, const CriticalStep& critical) const {
   const Topology& own = simulation_->topology();
@@ -298,9 +298,10 @@ void Simulated<D>::scale(TsOptions& method, const CriticalStep& critical) const 
   const Real mean = std::accumulate(sigma.begin(), sigma.end(), Real{0}) / own.owned();
   method.length = settings_->droplets() ? mean / 2 : mean;
   method.atol_x *= method.length;
-  constexpr Real slow = 3e-4;  // a speed at which a standard step makes this part of the allowed error
-  if (const Real dt = standard_step(*settings_, critical); !overdamped() && std::isfinite(dt))
-    method.atol_v = slow * method.atol_x / dt;
+  // A velocity as wrong as the tolerance moves a particle by the tolerance of positions per unit of time at most, and
+  // by a small part of it per standard step.
+  constexpr Real small = 3e-4;
+  method.atol_v = method.atol_x * std::min<Real>(1, small / standard_step(*settings_, critical));
   constexpr Real part_of_diameter = 1.0 / 8;  // two particles that approach do not miss their contact
   method.longest_move = part_of_diameter * std::ranges::min(diameters);
 }

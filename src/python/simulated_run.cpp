@@ -436,7 +436,8 @@ void Simulated<D>::follow_energy(ForceFunction* function) {
 
 template <int D>
 void Simulated<D>::judge_energy() {
-  constexpr std::int64_t steps_between = 64;  // a budget costs as much as a few steps
+  // A budget costs as much as a few evaluations of the forces; a controlled step, several.
+  const std::int64_t steps_between = settings_->method == Method::ts ? 8 : 64;
   settle();
   if ((overdamped() && !settings_->droplets()) || std::abs(steps() - judged_at_) < steps_between) return;
   judged_at_ = steps();

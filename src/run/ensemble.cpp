@@ -190,7 +190,7 @@ Real number_of(const Json& value) {
   return none;
 }
 
-/// Whether it is a result of a flow that has ended: an average over the flow and the rest after it.
+/// Whether the flow of a result has ended: the result is an average over the flow and the rest after it.
 bool is_without_flow(const Json& value) {
   const std::string reason = value.is_object() ? value.value("no_error", "") : "";
   return reason == no_flow::clogged || reason == no_flow::at_rest;

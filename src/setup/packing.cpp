@@ -131,6 +131,12 @@ Index overlapping_pairs(ParticleSystem<D>& system, const Real* x, Real tolerance
 }
 
 /// One around each particle.
+/// A power of 8 near the mean length: DiskPush is for lengths near 1, and divisions by the power are exact.
+Real unit_near(const std::vector<Real>& lengths) {
+  const Real mean = std::accumulate(lengths.begin(), lengths.end(), Real{0}) / static_cast<Real>(lengths.size());
+  return std::pow(8, std::round(std::log2(mean) / 3));
+}
+
 template <int D>
 Topology outer_disks(const Topology& topology) {
   constexpr Real mass = 1;
@@ -330,8 +336,15 @@ Packing pack(const Topology& topology, const Box<D>& box, const PackingParameter
           box.length()[k] * rng::uniform(p.seed, stream::placement,
                                          static_cast<std::uint64_t>(m) * D + static_cast<std::uint64_t>(k));
   }
+  const Real unit = unit_near(disks.diameter);
+  Tilt<D> tilt = box.tilt();
+  for (Real& t : tilt) t /= unit;
+  for (Real& d : disks.diameter) d /= unit;
+  for (Real& c : centres) c /= unit;
   const Relaxed relaxed = relax_disks<D>(
-      std::move(disks), {}, {.tolerance = p.tolerance}, [](Index, const Real*) { return true; }, centres, box, p.check);
+      std::move(disks), {}, {.tolerance = p.tolerance}, [](Index, const Real*) { return true; }, centres,
+      Box<D>(box.origin() / unit, box.length() / unit, tilt), p.check);
+  for (Real& c : centres) c *= unit;
   packing.iterations = relaxed.iterations;
   packing.max_overlap = relaxed.max_overlap;
   if (!relaxed.done)

@@ -341,18 +341,22 @@ void TsIntegrator::check_solvers() const {
   }
 }
 
-void TsIntegrator::set_tolerances(::Vec y, std::size_t n, std::size_t unknowns) {
-  const auto make = [&](Real x, Real v) {
+void TsIntegrator::set_tolerances(::Vec y, std::size_t positions, std::size_t n, std::size_t unknowns) {
+  const auto make = [&](Real x, Real angle, Real v, Real spin) {
     PetscVec vec;
     PetscScalar* values = nullptr;
     petsc_check(VecDuplicate(y, vec.out()));
     petsc_check(VecGetArrayWrite(vec, &values));
-    std::fill_n(values, n, x);
-    std::fill_n(values + n, unknowns - n, v);
+    std::fill_n(values, n, angle);
+    std::fill_n(values, positions, x);
+    std::fill_n(values + n, unknowns - n, spin);
+    std::fill_n(values + n, std::min(positions, unknowns - n), v);
     petsc_check(VecRestoreArrayWrite(vec, &values));
     return vec;
   };
-  const PetscVec absolute = make(options_.atol_x, options_.atol_v), relative = make(0, options_.rtol);
+  const PetscVec absolute = make(options_.atol_x, options_.atol_x / options_.length, options_.atol_v,
+                                 options_.atol_v / options_.length),
+                 relative = make(0, 0, options_.rtol, options_.rtol);
   petsc_check(TSSetTolerances(ts_, PETSC_DECIDE, absolute, PETSC_DECIDE, relative));
 }
 
@@ -584,8 +588,9 @@ Real TsIntegrator::limit_motion(Run& run, Real speed, Real change, Real dt) {
   PetscReal least = 0;
   petsc_check(TSGetAdapt(ts_, &adapt));
   petsc_check(TSAdaptGetStepLimits(adapt, &least, nullptr));
+  const Real in_time = sum > 0 ? 2 * options_.longest_move / sum : longest_dt_;
   const Real longest =
-      std::max(std::min(longest_dt_, sum > 0 ? 2 * options_.longest_move / sum : longest_dt_), 2 * least);
+      std::min(longest_dt_, std::max(in_time, 2 * least));  // PETSc demands more than the shortest step
   petsc_check(TSAdaptSetStepLimits(adapt, PETSC_DEFAULT, longest));
   return longest;
 }
@@ -695,7 +700,8 @@ bool TsIntegrator::solve(FirstOrderSystem& system, State& state, Real t_end, con
     petsc_check(TSSetSolution(ts_, y));
   }
   if (resized || configured_size_ == 0)
-    set_tolerances(y, system.has_velocities() ? n : unknowns, second_order_ ? n : unknowns);
+    set_tolerances(y, system.has_velocities() ? system.positions() : unknowns, system.has_velocities() ? n : unknowns,
+                   second_order_ ? n : unknowns);
   configured_size_ = unknowns;
   // TS counts steps in 32 bits; its number matters for monitors only.
   const bool countable = state.step < std::numeric_limits<PetscInt>::max() / 2;

@@ -90,7 +90,7 @@ class TsIntegrator : public Integrator {
   void check_arkode_splits() const;
   void configure_solvers();
   void check_solvers() const;
-  void set_tolerances(::Vec y, std::size_t n, std::size_t unknowns);
+  void set_tolerances(::Vec y, std::size_t positions, std::size_t n, std::size_t unknowns);
   /// Until t_end, a stop or a new order of the state; true for the last.
   bool solve(FirstOrderSystem& system, State& state, Real t_end, const StepObserver& observer);
   /// Sets the functions of the problem in PETSc.

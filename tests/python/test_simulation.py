@@ -676,6 +676,16 @@ def test_a_packed_box(dim, fraction, shape):
     assert np.array_equal(np.asarray(x), np.asarray(again)) and not np.array_equal(np.asarray(x), np.asarray(box.pack(sizes, **shape)))
 
 
+@pytest.mark.parametrize("unit", [2.0**-30, 1e-3, 100, 1e6])
+def test_a_packed_box_in_other_units(unit):
+    sizes = pliant.diameters(40, seed=2)
+    x, scaled = (pliant.Box.filled(d, 0.8).pack(d, seed=3) for d in (sizes, sizes * unit))
+    overlaps = [Simulation(positions, d, box=pliant.Box.filled(d, 0.8)).contacts.overlap for positions, d in ((x, sizes), (scaled, sizes * unit))]
+    assert all(overlap.max(initial=0) < 2e-4 for overlap in map(np.asarray, overlaps))
+    if unit == 2.0**-30:  # a power of 8
+        assert np.array_equal(x * unit, scaled)
+
+
 def test_a_box_at_a_pressure(tmp_path):
     """Isostatic packings near jamming; frames and a restart have the box of the simulation."""
     sizes = pliant.diameters(32, seed=2)
@@ -1180,6 +1190,27 @@ def test_controlled_steps_in_other_units(integrator):
         other_before, other_after, other = energies(length)
         assert other_before == pytest.approx(before) and other_after == pytest.approx(before, rel=0.01)
         assert np.abs(other - x).max() < 0.05
+
+
+def test_the_longest_step_of_the_user_is_the_longest():
+    sim = Simulation([[0, 0], [40, 0.1]], 1, velocities=[[1, 0], [-1, 0]], e_sp=100, integrator="rk", ts_adapt_dt_min=0.006, ts_adapt_dt_max=0.01)
+    steps = []
+    sim.run(1, lambda sim: steps.append(sim.t))
+    assert np.diff(steps).max() == pytest.approx(0.01)
+
+
+def test_light_vertices_have_no_looser_tolerance():
+    polygons = pliant.regular_polygons([[0, 0], [3, 0.2]], [1, 1], 16)
+    sim = Simulation(polygons=polygons, model="smooth", integrator="rk", velocities=np.repeat([[1.0, 0], [-1, 0]], 16, axis=0))
+    before = sum(sim.energies.values())
+    sim.run(3)
+    assert sum(sim.energies.values()) == pytest.approx(before, rel=0.01)
+
+
+def test_energy_of_few_controlled_steps_is_judged():
+    sim = Simulation([[0, 0], [5, 0.1]], 1, velocities=[[1, 0], [-1, 0]], e_sp=1e12, integrator="cvode")
+    with pytest.raises(pliant.NumericalError, match="energy"):
+        sim.run(6)  # one collision, in 48 steps
 
 
 # --- Particles that pass through each other
