@@ -27,7 +27,7 @@ namespace {
 /// Largest growth of the strain in a step; with a larger one touching particles pass each other in a few steps.
 constexpr Real most_strain = 0.1;
 constexpr Real most_controlled_strain =
-    0.01;  // free particles have no error that would shorten a step before they touch
+    0.015;  // free particles have no error that would shorten a step before they touch
 
 /// All terms but the drag, which has no part in a minimum of the energy.
 PackOptions preparation(const ShearOptions& p) {
