@@ -221,6 +221,7 @@ TEST_CASE("no particle above the orifice", "[measurements]") {
 
 TEST_CASE("quantities of a series whose averages are known", "[measurements]") {
   HopperOptions options;
+  options.container = Hopper{};
   options.particles = 40;
   options.dim = GENERATE(2, 3);
   for (const char* name : {"mu", "zeta"}) options.model.set(name, 1.0);
@@ -249,6 +250,7 @@ TEST_CASE("quantities of a series whose averages are known", "[measurements]") {
 
 TEST_CASE("the error of Q_corrected is that of both of its factors", "[measurements]") {
   HopperOptions options;
+  options.container = Hopper{};
   options.particles = 40;
   options.model.set("zeta", 1.0);
   const auto result = evaluate_series(steady_series(0.2), options, 0.8);
