@@ -210,8 +210,8 @@ class Simulated final : public AnySimulation {
   bool overdamped() const { return simulation_->overdamped() != nullptr; }
   FastestRates rates_of(const Settings& settings, const CriticalStep& critical) const;
   Real standard_step(const Settings& settings, const CriticalStep& critical) const;
-  /// Errors: InputError for a fixed step that is unstable, and without any by which to choose it.
   void scale(TsOptions& method, const CriticalStep& critical) const;
+  /// Errors: InputError for a fixed step that is unstable, and without any by which to choose it.
   Real check_step(const Settings& settings, const CriticalStep& critical) const;
   /// next: length of the next step, where it does not follow from the settings.
   void set_integrator(std::optional<Real> next = {});

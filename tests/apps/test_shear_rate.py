@@ -105,8 +105,8 @@ def test_integrators_agree(tmp_path):
 
 
 def test_flow_stress_of_rare_contacts_with_error_control(tmp_path):
-    """Steps in free flight are longer than those of a contact: neither may have more weight in the mean, nor may a step pass
-    over a contact."""
+    """Error control makes long steps in free flight and short steps during a contact. The mean weights both by their lengths,
+    and no step passes over a contact."""
     options = {"n": 2, "size_distribution": "mono", "fraction": 0.6, "zeta": 0.3, "shear_rate": 0.03, "strain": 60}
     fixed = shear(tmp_path / "fixed", **options).summary
     for name, more in (("default", {}), ("fine", {"sample_interval": 0.02})):
